@@ -1,0 +1,1 @@
+fn main(){ let c = shaderc::Compiler::new(); println!("cargo:warning={}", c.is_ok()); }

@@ -1,0 +1,128 @@
+//! The one error type of the crate.
+//!
+//! An error names what it is about (file, field, flag or Vulkan object), what is wrong, and the cure.
+//! Misuse of the API by the programmer is a panic with a message, never an `Error`.
+
+use std::path::{Path, PathBuf};
+
+/// Result of every fallible operation of the crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Everything that can go wrong at run time.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Bad input: a file, a field of a file, or the value of a flag.
+    #[error("{what}: {problem}\n  cure: {cure}")]
+    Input {
+        /// The file, the field or the flag: `skull.nrrd: field 'sizes'`, `--size`.
+        what: String,
+        /// What is wrong with it.
+        problem: String,
+        /// What the user can do about it.
+        cure: String,
+    },
+    /// Wrong use of the command line (exit code 2).
+    #[error("{what}: {problem}\n  cure: {cure}")]
+    Usage {
+        /// The flag or argument.
+        what: String,
+        /// What is wrong with it.
+        problem: String,
+        /// What the user can do about it.
+        cure: String,
+    },
+    /// The operating system refused an operation on a file.
+    #[error("{}: cannot {operation}: {source}", path.display())]
+    Io {
+        /// File or directory.
+        path: PathBuf,
+        /// Verb phrase: "open", "read", "write", "create".
+        operation: &'static str,
+        /// The system's word.
+        source: std::io::Error,
+    },
+    /// No Vulkan loader, or no usable device.
+    #[error("{problem}\n  cure: {cure}")]
+    NoDevice {
+        /// What was looked for and what was found.
+        problem: String,
+        /// What to install or which flag to change.
+        cure: String,
+    },
+    /// The device lacks features or limits that Tyndall needs.
+    #[error("device '{device}' lacks: {}\n  cure: choose another device with --device (see `tyndall devices`) or update its driver", missing.join(", "))]
+    MissingFeatures {
+        /// Device name as the driver reports it.
+        device: String,
+        /// Vulkan names of the missing features, extensions or limits.
+        missing: Vec<String>,
+    },
+    /// A Vulkan call failed.
+    #[error("{operation} failed for '{object}': {result}")]
+    Vulkan {
+        /// The Vulkan function or the step.
+        operation: &'static str,
+        /// The debug name of the object.
+        object: String,
+        /// The driver's word.
+        result: ash::vk::Result,
+    },
+    /// The device has too little memory, or a size exceeds one of its limits.
+    #[error("'{object}' needs {needed} bytes, but {limit_name} allows {limit}\n  cure: {cure}")]
+    DeviceMemory {
+        /// The debug name of the object.
+        object: String,
+        /// Bytes asked for.
+        needed: u64,
+        /// What there is.
+        limit: u64,
+        /// Name of the limit.
+        limit_name: &'static str,
+        /// What would fit.
+        cure: String,
+    },
+    /// The validation layer or Tyndall's own checks reported something.
+    #[error("validation reported {count} message(s); the first: {first}")]
+    Validation {
+        /// Number of messages.
+        count: usize,
+        /// Text of the first.
+        first: String,
+    },
+    /// A GPU pass found that its result cannot be trusted.
+    #[error("pass '{pass}' reported a failure on the device: {problem}")]
+    Device {
+        /// Name of the pass.
+        pass: &'static str,
+        /// What its status word says.
+        problem: String,
+    },
+}
+
+impl Error {
+    /// Bad input named by `what`.
+    pub fn input(what: impl Into<String>, problem: impl Into<String>, cure: impl Into<String>) -> Self {
+        Error::Input { what: what.into(), problem: problem.into(), cure: cure.into() }
+    }
+
+    /// Bad input in a file.
+    pub fn file(path: &Path, problem: impl Into<String>, cure: impl Into<String>) -> Self {
+        Error::input(path.display().to_string(), problem, cure)
+    }
+
+    /// Wrong use of the command line.
+    pub fn usage(what: impl Into<String>, problem: impl Into<String>, cure: impl Into<String>) -> Self {
+        Error::Usage { what: what.into(), problem: problem.into(), cure: cure.into() }
+    }
+
+    /// A refused file operation.
+    pub fn io(path: &Path, operation: &'static str, source: std::io::Error) -> Self {
+        Error::Io { path: path.to_owned(), operation, source }
+    }
+
+    /// Exit code of the command line: 1 = failed, 2 = wrong usage.
+    pub fn exit_code(&self) -> u8 {
+        if matches!(self, Error::Usage { .. }) { 2 } else { 1 }
+    }
+}

@@ -1,0 +1,236 @@
+//! What to render: the scene as plain data, and how it is read from TOML and the command line.
+//!
+//! World axes are the volume file's physical space, z up by default. Radiance is linear RGB (Rec. 709).
+
+use glam::{DVec3, Vec3};
+use std::path::PathBuf;
+
+/// Which light transport is computed (DESIGN section 1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Model {
+    /// Emission-absorption: the transfer function's colour is emitted.
+    Absorption,
+    /// Local gradient shading of the transfer function's colour.
+    Phong,
+    /// Light scattered once.
+    Single,
+    /// Light scattered 1 to `orders` times.
+    Multiple,
+}
+
+/// How the gather chooses the directions that it traces (DESIGN section 2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// N directions from the phase function.
+    Phase,
+    /// The N of M candidates with the most proxy energy, as the paper does. Biased.
+    Top,
+    /// N of M candidates drawn in proportion to the proxy energy. Unbiased.
+    Resample,
+}
+
+/// How a transfer function's `opacity` becomes an extinction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OpacityUnit {
+    /// VTK's convention: σ_t = −ln(1−α)/unit_distance; `None` = the volume's mean spacing.
+    PerDistance(Option<f64>),
+    /// The points' `opacity` is σ_t itself, in 1/unit.
+    Extinction,
+}
+
+/// One point of a piecewise linear transfer function.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransferPoint {
+    /// Scalar value in the volume's own unit.
+    pub value: f64,
+    /// Albedo per channel (`single`, `multiple`) or emitted colour (`absorption`, `phong`), linear RGB in [0,1].
+    pub color: [f32; 3],
+    /// Opacity in [0,1] or extinction ≥ 0, see [`OpacityUnit`].
+    pub opacity: f32,
+    /// L_e, the emitted radiance of the medium in thermal equilibrium (the source is σ_a L_e), linear RGB ≥ 0.
+    pub emission: [f32; 3],
+}
+
+/// Piecewise linear map from scalar to colour and extinction. Constant beyond the first and the last point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TransferFunction {
+    /// At least one point, `value` non-decreasing. Two points of one value make a step; at the step the later one holds.
+    pub points: Vec<TransferPoint>,
+    /// Meaning of `opacity`.
+    pub opacity_unit: OpacityUnit,
+}
+
+/// A light that is not part of the environment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Light {
+    /// Parallel light.
+    Directional {
+        /// Direction in which the light travels (unit vector, world).
+        direction: DVec3,
+        /// Irradiance on a perpendicular plane, linear RGB.
+        irradiance: Vec3,
+    },
+    /// Isotropic point light.
+    Point {
+        /// Place in the world.
+        position: DVec3,
+        /// Radiant intensity, linear RGB.
+        intensity: Vec3,
+    },
+}
+
+/// Light from infinitely far away, in all directions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Environment {
+    /// The same radiance from everywhere.
+    Constant(Vec3),
+    /// A latitude-longitude image of radiance. Row 0 looks along +up, the image's centre column along `forward`.
+    LatLong(LatLong),
+}
+
+/// A latitude-longitude radiance image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LatLong {
+    /// Columns (azimuth).
+    pub width: u32,
+    /// Rows (polar angle, row 0 at +z of the world).
+    pub height: u32,
+    /// Linear RGB radiance, row by row, finite and ≥ 0.
+    pub pixels: Vec<[f32; 3]>,
+    /// Rotation about the world's z axis in degrees, counter-clockwise seen from +z.
+    pub rotation_degrees: f64,
+}
+
+/// Perspective pinhole camera, resolved (no automatic parts left).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Eye, world.
+    pub position: DVec3,
+    /// Unit vector of sight, world.
+    pub forward: DVec3,
+    /// Unit vector to the right of the picture, world.
+    pub right: DVec3,
+    /// Unit vector upwards in the picture, world.
+    pub up: DVec3,
+    /// Vertical field of view in degrees, in (0, 180).
+    pub fov_degrees: f64,
+}
+
+/// What is seen behind the medium.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// The environment itself.
+    Environment,
+    /// A colour (linear RGB radiance) that lights nothing.
+    Color(Vec3),
+    /// Nothing; the picture's alpha is 1 − transmittance.
+    Transparent,
+}
+
+/// Tone curve of the PNG output; EXR is always linear and unscaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ToneCurve {
+    /// Exposure and the sRGB curve only; clips at 1.
+    Linear,
+    /// A filmic shoulder: bright parts roll off instead of clipping.
+    Filmic,
+}
+
+/// Exposure of the PNG output.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exposure {
+    /// Chosen from the picture: its bright parts come out just below white.
+    Auto,
+    /// Fixed, in stops (EV): pixel values are multiplied by 2^EV.
+    Stops(f32),
+}
+
+/// Knobs of the method; every one is on the command line too.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Light transport.
+    pub model: Model,
+    /// Choice of traced directions.
+    pub sampling: Sampling,
+    /// M: candidate directions per voxel and order, estimated in the proxy. 1..=1024.
+    pub candidates: u32,
+    /// N: directions per voxel and order traced in the data. 1..=1024; N ≤ M where the sampling uses candidates.
+    pub directions: u32,
+    /// K: light scattered 1..K times. ≥ 1.
+    pub orders: u32,
+    /// Directions with which order 1 gathers the environment, per voxel.
+    pub environment_directions: u32,
+    /// Step of camera rays in voxels.
+    pub camera_step: f32,
+    /// Step of gather and shadow rays in voxels.
+    pub gather_step: f32,
+    /// Step of proxy rays in voxels.
+    pub proxy_step: f32,
+    /// β of `resample`: share of the uniform defence in the draw, in (0, 1].
+    pub defence: f32,
+    /// Bits of (R, G, B, A) that the proxy's hash keeps, as 8-bit masks. [255; 4] is lossless.
+    pub mask: [u8; 4],
+    /// Picture width and height in pixels.
+    pub size: [u32; 2],
+    /// Camera rays per pixel.
+    pub spp: u32,
+    /// Random seed.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            model: Model::Multiple,
+            sampling: Sampling::Resample,
+            candidates: 16,
+            directions: 8,
+            orders: 4,
+            environment_directions: 16,
+            camera_step: 0.5,
+            gather_step: 1.0,
+            proxy_step: 2.0,
+            defence: 0.2,
+            mask: [0xF0; 4],
+            size: [512, 512],
+            spp: 4,
+            seed: 0,
+        }
+    }
+}
+
+/// Everything a picture depends on, resolved: no file is left to be read, no automatic value to be chosen.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The data.
+    pub volume: crate::volume::Volume,
+    /// Scalar to colour and extinction.
+    pub transfer: TransferFunction,
+    /// Henyey-Greenstein mean cosine in (−1, 1).
+    pub g: f32,
+    /// Multiplies the transfer function's colour to give the albedo, per channel, in [0,1].
+    pub albedo_scale: Vec3,
+    /// Multiplies every extinction.
+    pub density_scale: f64,
+    /// Multiplies every emission.
+    pub emission_scale: f32,
+    /// Directional and point lights, any number.
+    pub lights: Vec<Light>,
+    /// Light from all around.
+    pub environment: Option<Environment>,
+    /// The camera.
+    pub camera: Camera,
+    /// What is seen behind the medium.
+    pub background: Background,
+    /// Knobs.
+    pub settings: Settings,
+    /// Exposure of PNG output.
+    pub exposure: Exposure,
+    /// Tone curve of PNG output.
+    pub tone: ToneCurve,
+    /// The scene file, if there was one.
+    pub path: Option<PathBuf>,
+}
