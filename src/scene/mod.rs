@@ -149,7 +149,7 @@ pub enum Exposure {
 }
 
 /// Knobs of the method; every one is on the command line too.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Settings {
     /// Light transport.
     pub model: Model,

@@ -1,0 +1,3 @@
+//! Measuring the error of pictures.
+
+pub mod metrics;

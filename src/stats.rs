@@ -1,0 +1,270 @@
+//! What a run measured: the JSON object of `--stats` (DESIGN section 6) and its table for people.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::Result;
+use crate::scene::Settings;
+use crate::volume::Volume;
+
+/// One run's figures. Times are in milliseconds, sizes in bytes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stats {
+    /// Where it ran.
+    pub device: DeviceStats,
+    /// What it rendered.
+    pub volume: VolumeStats,
+    /// With which knobs.
+    pub settings: Settings,
+    /// GPU time per pass and iteration.
+    pub passes: Vec<PassStats>,
+    /// The hash-bucket proxy, one entry per iteration that built one.
+    pub proxy: Vec<ProxyStats>,
+    /// Sum of the passes' GPU times.
+    pub gpu_ms: f64,
+    /// Elapsed time of the whole render, uploads and shader compilation included.
+    pub wall_ms: f64,
+    /// Most device memory that was allocated at one time.
+    pub peak_device_bytes: u64,
+    /// What the validation layer said.
+    pub validation: ValidationStats,
+}
+
+/// The Vulkan device of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviceStats {
+    /// As the driver reports it.
+    pub name: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Invocations per subgroup.
+    pub subgroup_size: u32,
+}
+
+/// The volume of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct VolumeStats {
+    /// File name or `phantom:NAME`.
+    pub name: String,
+    /// Voxels along x, y, z.
+    pub dims: [u32; 3],
+    /// Lengths of the voxel steps in world units.
+    pub spacing: [f64; 3],
+    /// Share of the voxels with extinction above zero.
+    pub active_fraction: f64,
+}
+
+/// GPU time of one pass in one iteration.
+#[derive(Clone, Debug, Serialize)]
+pub struct PassStats {
+    /// Name of the pass.
+    pub name: String,
+    /// Scattering order it belongs to; 0 for what runs once.
+    pub iteration: u32,
+    /// Number of dispatches.
+    pub dispatches: u32,
+    /// GPU time of them all.
+    pub ms: f64,
+}
+
+/// The hash-bucket proxy of one iteration.
+#[derive(Clone, Debug, Serialize)]
+pub struct ProxyStats {
+    /// Scattering order it was built for.
+    pub iteration: u32,
+    /// Voxels that were hashed.
+    pub voxels: u64,
+    /// Runs of equal hash (first compression).
+    pub runs: u64,
+    /// Buckets (second compression).
+    pub buckets: u64,
+    /// Device memory of the proxy.
+    pub bytes: u64,
+    /// GPU time from hash to decompress.
+    pub build_ms: f64,
+    /// Mask that the settings asked for, R G B A.
+    pub mask_requested: [u8; 4],
+    /// Mask that was used: coarser if the runs would not have fitted.
+    pub mask_used: [u8; 4],
+}
+
+/// Messages of the validation layer and of Tyndall's own checks.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ValidationStats {
+    /// True if validation was on.
+    pub enabled: bool,
+    /// Number of errors.
+    pub errors: u64,
+    /// Number of warnings.
+    pub warnings: u64,
+}
+
+impl VolumeStats {
+    /// The figures of `volume`, of whose voxels the share `active_fraction` is active.
+    pub fn of(volume: &Volume, active_fraction: f64) -> Self {
+        Self { name: volume.name.clone(), dims: volume.grid.dims, spacing: volume.grid.spacing(), active_fraction }
+    }
+}
+
+impl Stats {
+    /// The JSON object, indented, with a final line break.
+    pub fn to_json(&self) -> String {
+        to_json(self)
+    }
+
+    /// Writes the JSON object to a file, whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        crate::output::write_atomically(path, self.to_json().as_bytes())
+    }
+
+    /// Times and proxy as text for people.
+    pub fn table(&self) -> String {
+        let mut out = String::new();
+        self.print_passes(&mut out).and_then(|()| self.print_proxy(&mut out)).expect("writing to a String cannot fail");
+        out
+    }
+
+    fn print_passes(&self, out: &mut String) -> std::fmt::Result {
+        writeln!(out, "{:<24} {:>10} {:>12}", "pass", "dispatches", "ms")?;
+        let mut rows: Vec<(&str, u32, f64)> = Vec::new();
+        for pass in &self.passes {
+            match rows.iter_mut().find(|row| row.0 == pass.name) {
+                Some(row) => {
+                    row.1 += pass.dispatches;
+                    row.2 += pass.ms;
+                }
+                None => rows.push((&pass.name, pass.dispatches, pass.ms)),
+            }
+        }
+        for (name, dispatches, ms) in rows {
+            writeln!(out, "{name:<24} {dispatches:>10} {ms:>12.3}")?;
+        }
+        writeln!(out, "{:<24} {:>10} {:>12.3}", "all on the GPU", "", self.gpu_ms)?;
+        writeln!(out, "{:<24} {:>10} {:>12.3}", "elapsed", "", self.wall_ms)?;
+        writeln!(out, "device memory at its peak: {:.1} MiB", mebibytes(self.peak_device_bytes))
+    }
+
+    fn print_proxy(&self, out: &mut String) -> std::fmt::Result {
+        if self.proxy.is_empty() {
+            return Ok(());
+        }
+        writeln!(
+            out,
+            "\n{:<6} {:>11} {:>11} {:>9} {:>10} {:>10}  mask",
+            "proxy", "voxels", "runs", "buckets", "MiB", "build ms"
+        )?;
+        for p in &self.proxy {
+            write!(
+                out,
+                "{:<6} {:>11} {:>11} {:>9} {:>10.2} {:>10.3}  {}",
+                p.iteration,
+                p.voxels,
+                p.runs,
+                p.buckets,
+                mebibytes(p.bytes),
+                p.build_ms,
+                mask_text(p.mask_used)
+            )?;
+            if p.mask_used != p.mask_requested {
+                write!(out, " (coarser than the {} asked for: too many runs)", mask_text(p.mask_requested))?;
+            }
+            writeln!(out)?;
+        }
+        Ok(())
+    }
+}
+
+/// Any serialisable value as indented JSON with a final line break. Infinite and NaN figures become `null`.
+pub fn to_json(value: &impl Serialize) -> String {
+    let mut json = serde_json::to_string_pretty(value).expect("figures with string keys always serialise");
+    json.push('\n');
+    json
+}
+
+fn mebibytes(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
+}
+
+/// `F0F0F0F0`: the masks of R, G, B, A in hexadecimal.
+fn mask_text(mask: [u8; 4]) -> String {
+    mask.map(|m| format!("{m:02X}")).concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example() -> Stats {
+        let pass = |name: &str, iteration, ms| PassStats { name: name.into(), iteration, dispatches: 2, ms };
+        Stats {
+            device: DeviceStats { name: "d".into(), driver: "v".into(), subgroup_size: 8 },
+            volume: VolumeStats {
+                name: "phantom:x".into(),
+                dims: [3, 5, 7],
+                spacing: [1.0, 1.0, 2.0],
+                active_fraction: 0.25,
+            },
+            settings: Settings::default(),
+            passes: vec![pass("gather", 2, 1.5), pass("hash", 2, 0.25), pass("gather", 3, 2.0)],
+            proxy: vec![ProxyStats {
+                iteration: 2,
+                voxels: 105,
+                runs: 50,
+                buckets: 9,
+                bytes: 1 << 20,
+                build_ms: 0.5,
+                mask_requested: [255; 4],
+                mask_used: [0xF0; 4],
+            }],
+            gpu_ms: 3.75,
+            wall_ms: 10.0,
+            peak_device_bytes: 3 << 20,
+            validation: ValidationStats::default(),
+        }
+    }
+
+    #[test]
+    fn json_has_the_documented_fields() {
+        let json: serde_json::Value = serde_json::from_str(&example().to_json()).unwrap();
+        for pointer in [
+            "/device/name",
+            "/device/driver",
+            "/device/subgroup_size",
+            "/volume/name",
+            "/volume/dims/2",
+            "/volume/spacing/2",
+            "/volume/active_fraction",
+            "/settings/orders",
+            "/passes/0/name",
+            "/passes/0/iteration",
+            "/passes/0/dispatches",
+            "/passes/0/ms",
+            "/proxy/0/iteration",
+            "/proxy/0/voxels",
+            "/proxy/0/runs",
+            "/proxy/0/buckets",
+            "/proxy/0/bytes",
+            "/proxy/0/build_ms",
+            "/proxy/0/mask_requested/3",
+            "/proxy/0/mask_used/3",
+            "/gpu_ms",
+            "/wall_ms",
+            "/peak_device_bytes",
+            "/validation/enabled",
+            "/validation/errors",
+            "/validation/warnings",
+        ] {
+            assert!(json.pointer(pointer).is_some(), "{pointer} is missing in {json:#}");
+        }
+    }
+
+    #[test]
+    fn table_sums_iterations_and_reports_a_coarser_mask() {
+        let table = example().table();
+        let gather = table.lines().find(|l| l.starts_with("gather")).unwrap();
+        assert_eq!(gather.split_whitespace().collect::<Vec<_>>(), ["gather", "4", "3.500"]);
+        assert!(table.contains("F0F0F0F0 (coarser than the FFFFFFFF asked for"), "{table}");
+    }
+}
