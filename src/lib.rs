@@ -1,10 +1,10 @@
 //! Tyndall: headless volume rendering with physically based multiple scattering on raw Vulkan compute.
 
+pub mod abi;
 pub mod error;
-pub mod measure;
-pub mod output;
 pub mod scene;
-pub mod stats;
+pub mod shaders;
+pub mod vk;
 pub mod volume;
 
 pub use error::{Error, Result};

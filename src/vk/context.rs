@@ -1,0 +1,818 @@
+//! Instance, device, queue, allocator: made together, torn down in the reverse order.
+
+use super::buffer::{Buffer, RawBuffer};
+use super::image::{Image, ImageFormat, RawImage, WHOLE};
+use super::recorder::Recorder;
+use super::validation::{self, LayerSettings, Message, Severity, Sink, Validation};
+use crate::{Error, Result};
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
+use std::ffi::CStr;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+/// Bytes of one staging copy.
+const STAGING_BYTES: usize = 32 << 20;
+
+/// How to make a context.
+#[derive(Clone, Debug, Default)]
+pub struct ContextConfig {
+    /// Index in the list of devices, or part of a device's name. `None`: the fastest kind there is.
+    pub device: Option<String>,
+    /// Checks that run along.
+    pub validation: Validation,
+}
+
+/// A device as `tyndall devices` shows it.
+#[derive(Clone, Debug)]
+pub struct DeviceInfo {
+    /// Name as the driver reports it.
+    pub name: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// "discrete GPU", "integrated GPU", "virtual GPU", "CPU" or "other".
+    pub kind: &'static str,
+    /// Vulkan version of the device.
+    pub api_version: String,
+    /// Invocations of a subgroup.
+    pub subgroup_size: u32,
+    /// Limits that matter here, by their Vulkan names.
+    pub limits: Vec<(&'static str, u64)>,
+    /// Features, extensions and limits that Tyndall needs and the device lacks.
+    pub missing: Vec<String>,
+}
+
+/// What every Vulkan object holds on to.
+pub(super) struct DeviceShared {
+    // Dropped by hand in `drop`, in the order that Vulkan asks for.
+    pub(super) raw: ash::Device,
+    allocator: Mutex<Option<Allocator>>,
+    pub(super) queue: Mutex<vk::Queue>,
+    pub(super) queue_family: u32,
+    pub(super) timeline: vk::Semaphore,
+    pub(super) timeline_value: AtomicU64,
+    pub(super) samplers: [vk::Sampler; 2],
+    pub(super) pipeline_cache: vk::PipelineCache,
+    pub(super) limits: vk::PhysicalDeviceLimits,
+    pub(super) max_subgroup_size: u32,
+    pub(super) has_timestamps: bool,
+    pub(super) debug: Option<ash::ext::debug_utils::Device>,
+    pub(super) checks_hazards: bool,
+    pub(super) sink: Arc<Sink>,
+    max_allocation: u64,
+    bytes_now: AtomicU64,
+    bytes_peak: AtomicU64,
+    ids: AtomicU64,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    instance: ash::Instance,
+    // Function pointers die with the entry: it goes last.
+    _entry: ash::Entry,
+}
+
+impl DeviceShared {
+    fn allocator(&self) -> MutexGuard<'_, Option<Allocator>> {
+        self.allocator.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    pub(super) fn allocate(&self, desc: &AllocationCreateDesc<'_>) -> Result<Allocation> {
+        let size = desc.requirements.size;
+        let refuse = |limit, limit_name| Error::DeviceMemory {
+            object: desc.name.to_owned(),
+            needed: size,
+            limit,
+            limit_name,
+            cure: "use a smaller volume or picture, or a device with more memory".into(),
+        };
+        if size > self.max_allocation {
+            return Err(refuse(self.max_allocation, "maxMemoryAllocationSize"));
+        }
+        let mut allocator = self.allocator();
+        let allocator = allocator.as_mut().expect("the allocator lives as long as the device");
+        let allocation = allocator.allocate(desc).map_err(|error| match error {
+            gpu_allocator::AllocationError::OutOfMemory => {
+                refuse(self.bytes_now.load(Ordering::Relaxed), "the device's free memory (bytes in use are given)")
+            }
+            other => Error::Device { pass: "memory allocation", problem: format!("'{}': {other}", desc.name) },
+        })?;
+        let now = self.bytes_now.fetch_add(allocation.size(), Ordering::Relaxed) + allocation.size();
+        self.bytes_peak.fetch_max(now, Ordering::Relaxed);
+        Ok(allocation)
+    }
+
+    pub(super) fn free(&self, allocation: Allocation) {
+        self.bytes_now.fetch_sub(allocation.size(), Ordering::Relaxed);
+        if let Some(allocator) = self.allocator().as_mut()
+            && let Err(error) = allocator.free(allocation)
+        {
+            self.report(Severity::Error, "TYNDALL-FREE", &error.to_string());
+        }
+    }
+
+    pub(super) fn next_id(&self) -> u64 {
+        self.ids.fetch_add(1, Ordering::Relaxed)
+    }
+
+    pub(super) fn set_name<H: vk::Handle>(&self, handle: H, name: &str) {
+        if let Some(debug) = &self.debug {
+            let name = std::ffi::CString::new(name).unwrap_or_default();
+            let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+            // SAFETY: the handle is a live object of this device. A failure costs only the name.
+            let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+        }
+    }
+
+    pub(super) fn report(&self, severity: Severity, id: &str, text: &str) {
+        self.sink.push(Message { severity, id: id.to_owned(), text: text.to_owned() });
+    }
+}
+
+impl Drop for DeviceShared {
+    fn drop(&mut self) {
+        // SAFETY: every object of the device holds an Arc of `self`, so none is left; the queue is idle after the wait.
+        unsafe {
+            let _ = self.raw.device_wait_idle();
+            for sampler in self.samplers {
+                self.raw.destroy_sampler(sampler, None);
+            }
+            self.raw.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.raw.destroy_semaphore(self.timeline, None);
+            drop(self.allocator().take());
+            self.raw.destroy_device(None);
+            if let Some((functions, messenger)) = self.messenger.take() {
+                functions.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.instance.destroy_instance(None);
+        }
+    }
+}
+
+/// A device ready for use.
+pub struct Context {
+    shared: Arc<DeviceShared>,
+    info: DeviceInfo,
+    validation: Validation,
+}
+
+struct Instance {
+    entry: ash::Entry,
+    raw: ash::Instance,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    sink: Arc<Sink>,
+}
+
+const INSTALL_DRIVER: &str =
+    "install a Vulkan driver: your GPU vendor's, or Mesa's software one (Debian, Ubuntu: mesa-vulkan-drivers)";
+
+fn create_instance(validation: Validation) -> Result<Instance> {
+    // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what we want.
+    let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
+        problem: format!("the Vulkan loader cannot be loaded ({e})"),
+        cure: "install libvulkan1 (Debian, Ubuntu) or your system's Vulkan loader".into(),
+    })?;
+    let sink = Arc::new(Sink::default());
+    let application = vk::ApplicationInfo::default().application_name(c"tyndall").api_version(vk::API_VERSION_1_3);
+    let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+    let mut extensions = Vec::new();
+    let mut layers = Vec::new();
+
+    let mut messenger_info = validation::messenger_info(&sink);
+    let mut enables = Vec::new();
+    let mut disables = Vec::new();
+    match validation {
+        Validation::Off => {}
+        Validation::CoreAndSync => enables.push(vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION),
+        Validation::GpuAssisted => {
+            enables.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
+            enables.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED_RESERVE_BINDING_SLOT);
+            disables.push(vk::ValidationFeatureDisableEXT::CORE_CHECKS);
+        }
+    }
+    let mut features = vk::ValidationFeaturesEXT::default()
+        .enabled_validation_features(&enables)
+        .disabled_validation_features(&disables);
+    let setting = |name: &'static CStr, value: &'static [u32; 1]| {
+        vk::LayerSettingEXT::default()
+            .layer_name(validation::LAYER)
+            .setting_name(name)
+            .ty(vk::LayerSettingTypeEXT::BOOL32)
+            .values(bytemuck::cast_slice(value))
+    };
+    const ON: &[u32; 1] = &[vk::TRUE];
+    const OFF: &[u32; 1] = &[vk::FALSE];
+    // Newer layers see dispatch-to-dispatch hazards only with the shader access heuristic.
+    let settings = match validation {
+        Validation::Off => vec![],
+        Validation::CoreAndSync => vec![
+            setting(c"validate_sync", ON),
+            setting(c"syncval_submit_time_validation", ON),
+            setting(c"syncval_shader_accesses_heuristic", ON),
+        ],
+        Validation::GpuAssisted => vec![setting(c"validate_core", OFF), setting(c"gpuav_enable", ON)],
+    };
+    let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+    if validation != Validation::Off {
+        layers.push(validation::LAYER.as_ptr());
+        extensions.push(ash::ext::debug_utils::NAME.as_ptr());
+        // Never both: the layer lets the deprecated settings win when they are mixed.
+        match validation::find_layer(&entry)? {
+            LayerSettings::Settings => {
+                extensions.push(ash::ext::layer_settings::NAME.as_ptr());
+                info = info.push_next(&mut settings_info);
+            }
+            LayerSettings::Features => {
+                extensions.push(ash::ext::validation_features::NAME.as_ptr());
+                info = info.push_next(&mut features);
+            }
+        }
+        info = info.push_next(&mut messenger_info);
+    }
+    info = info.enabled_extension_names(&extensions).enabled_layer_names(&layers);
+    // SAFETY: everything that `info` points to lives until after the call.
+    let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| Error::NoDevice {
+        problem: format!("vkCreateInstance failed: {result}"),
+        cure: INSTALL_DRIVER.into(),
+    })?;
+    let messenger = if validation == Validation::Off {
+        None
+    } else {
+        let functions = ash::ext::debug_utils::Instance::new(&entry, &raw);
+        let info = validation::messenger_info(&sink);
+        // SAFETY: the sink outlives the instance: it is shared by `DeviceShared` and dropped after it.
+        let messenger = unsafe { functions.create_debug_utils_messenger(&info, None) }.map_err(|result| {
+            Error::Vulkan { operation: "vkCreateDebugUtilsMessengerEXT", object: "messenger".into(), result }
+        })?;
+        Some((functions, messenger))
+    };
+    Ok(Instance { entry, raw, messenger, sink })
+}
+
+impl Instance {
+    fn destroy(self) {
+        // SAFETY: no device was made from this instance.
+        unsafe {
+            if let Some((functions, messenger)) = self.messenger {
+                functions.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+
+    fn physical_devices(&self) -> Vec<vk::PhysicalDevice> {
+        // SAFETY: the instance is alive.
+        let mut devices = unsafe { self.raw.enumerate_physical_devices() }.unwrap_or_default();
+        // The fastest kind first; the loader's order within a kind.
+        devices.sort_by_key(|&d| {
+            // SAFETY: as above.
+            match unsafe { self.raw.get_physical_device_properties(d) }.device_type {
+                vk::PhysicalDeviceType::DISCRETE_GPU => 0,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => 1,
+                vk::PhysicalDeviceType::VIRTUAL_GPU => 2,
+                vk::PhysicalDeviceType::CPU => 3,
+                _ => 4,
+            }
+        });
+        devices
+    }
+}
+
+/// What was read of a physical device.
+struct Probe {
+    info: DeviceInfo,
+    limits: vk::PhysicalDeviceLimits,
+    max_subgroup_size: u32,
+    max_allocation: u64,
+    queue_family: u32,
+    timestamp_bits: u32,
+}
+
+fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
+    let mut v11 = vk::PhysicalDeviceVulkan11Properties::default();
+    let mut v12 = vk::PhysicalDeviceVulkan12Properties::default();
+    let mut v13 = vk::PhysicalDeviceVulkan13Properties::default();
+    // SAFETY: the instance is alive.
+    let version = unsafe { instance.get_physical_device_properties(device) }.api_version;
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut v11);
+    if version >= vk::API_VERSION_1_3 {
+        properties = properties.push_next(&mut v12).push_next(&mut v13);
+    }
+    // SAFETY: the chained structs outlive the call and are known to the device's version.
+    unsafe { instance.get_physical_device_properties2(device, &mut properties) };
+    let p = properties.properties;
+    let mut missing = Vec::new();
+    if version < vk::API_VERSION_1_3 {
+        missing.push("Vulkan 1.3".to_owned());
+    } else {
+        let mut f12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut f13 = vk::PhysicalDeviceVulkan13Features::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut f12).push_next(&mut f13);
+        // SAFETY: as above.
+        unsafe { instance.get_physical_device_features2(device, &mut features) };
+        for (name, has) in [
+            ("timelineSemaphore", f12.timeline_semaphore),
+            ("scalarBlockLayout", f12.scalar_block_layout),
+            ("vulkanMemoryModel", f12.vulkan_memory_model),
+            ("vulkanMemoryModelDeviceScope", f12.vulkan_memory_model_device_scope),
+            ("synchronization2", f13.synchronization2),
+            ("subgroupSizeControl", f13.subgroup_size_control),
+            ("computeFullSubgroups", f13.compute_full_subgroups),
+            ("maintenance4", f13.maintenance4),
+        ] {
+            if has == vk::FALSE {
+                missing.push(name.to_owned());
+            }
+        }
+        let needed = vk::SubgroupFeatureFlags::BASIC
+            | vk::SubgroupFeatureFlags::ARITHMETIC
+            | vk::SubgroupFeatureFlags::BALLOT
+            | vk::SubgroupFeatureFlags::SHUFFLE;
+        if !v11.subgroup_supported_operations.contains(needed) {
+            missing.push("subgroup arithmetic, ballot and shuffle".to_owned());
+        }
+    }
+    let l = p.limits;
+    let mut at_least = |name: &str, has: u32, need: u32| {
+        if has < need {
+            missing.push(format!("{name} ≥ {need} (it has {has})"));
+        }
+    };
+    at_least("maxComputeWorkGroupInvocations", l.max_compute_work_group_invocations, 256);
+    at_least("maxComputeSharedMemorySize", l.max_compute_shared_memory_size, 32 << 10);
+    at_least("maxPushConstantsSize", l.max_push_constants_size, 128);
+    at_least("maxPerStageDescriptorStorageBuffers", l.max_per_stage_descriptor_storage_buffers, 12);
+    // SAFETY: as above.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(device) };
+    let family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE));
+    if family.is_none() {
+        missing.push("a compute queue".to_owned());
+    }
+    let family = family.unwrap_or(0);
+    for (format, needs) in [
+        (ImageFormat::R32Float, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
+        (ImageFormat::R32Uint, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
+        (
+            ImageFormat::Rgba16Float,
+            vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR,
+        ),
+    ] {
+        let mut f3 = vk::FormatProperties3::default();
+        let mut f = vk::FormatProperties2::default().push_next(&mut f3);
+        // SAFETY: as above.
+        unsafe { instance.get_physical_device_format_properties2(device, format.to_vk(), &mut f) };
+        if !f3.optimal_tiling_features.contains(needs) {
+            missing.push(format!("{format:?} images with {needs:?}"));
+        }
+    }
+    let text = |chars: &[std::ffi::c_char]| {
+        // SAFETY: Vulkan's fixed strings are zero-terminated.
+        unsafe { CStr::from_ptr(chars.as_ptr()) }.to_string_lossy().into_owned()
+    };
+    let v = p.api_version;
+    let info = DeviceInfo {
+        name: text(&p.device_name),
+        driver: format!("{} {}", text(&v12.driver_name), text(&v12.driver_info)).trim().to_owned(),
+        kind: match p.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => "discrete GPU",
+            vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated GPU",
+            vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual GPU",
+            vk::PhysicalDeviceType::CPU => "CPU",
+            _ => "other",
+        },
+        api_version: format!(
+            "{}.{}.{}",
+            vk::api_version_major(v),
+            vk::api_version_minor(v),
+            vk::api_version_patch(v)
+        ),
+        subgroup_size: v11.subgroup_size,
+        limits: vec![
+            ("maxStorageBufferRange", l.max_storage_buffer_range.into()),
+            ("maxMemoryAllocationSize", v11.max_memory_allocation_size),
+            ("maxImageDimension3D", l.max_image_dimension3_d.into()),
+            ("maxImageDimension2D", l.max_image_dimension2_d.into()),
+            ("maxComputeSharedMemorySize", l.max_compute_shared_memory_size.into()),
+            ("maxComputeWorkGroupInvocations", l.max_compute_work_group_invocations.into()),
+            ("maxComputeWorkGroupCount[0]", l.max_compute_work_group_count[0].into()),
+        ],
+        missing,
+    };
+    Probe {
+        info,
+        limits: l,
+        max_subgroup_size: if v13.max_subgroup_size == 0 { v11.subgroup_size } else { v13.max_subgroup_size },
+        max_allocation: v11.max_memory_allocation_size,
+        queue_family: family as u32,
+        timestamp_bits: families.get(family).map_or(0, |f| f.timestamp_valid_bits),
+    }
+}
+
+/// All Vulkan devices, the preferred kind first.
+pub fn list_devices() -> Result<Vec<DeviceInfo>> {
+    let instance = create_instance(Validation::Off)?;
+    let infos = instance.physical_devices().into_iter().map(|d| probe(&instance.raw, d).info).collect();
+    instance.destroy();
+    Ok(infos)
+}
+
+/// The device that `wanted` names among `devices`; without a name, the first that lacks nothing.
+fn choose(devices: &[DeviceInfo], wanted: Option<&str>) -> Result<usize> {
+    let list = || {
+        let lines: Vec<_> = devices.iter().enumerate().map(|(i, d)| format!("{i}: {} ({})", d.name, d.kind)).collect();
+        if lines.is_empty() { "none".to_owned() } else { lines.join("; ") }
+    };
+    let index = match wanted {
+        None if devices.is_empty() => {
+            return Err(Error::NoDevice {
+                problem: "no Vulkan device was found".into(),
+                cure: INSTALL_DRIVER.into(),
+            });
+        }
+        None => devices.iter().position(|d| d.missing.is_empty()).unwrap_or(0),
+        Some(wanted) => {
+            let by_index = wanted.parse::<usize>().ok().filter(|&i| i < devices.len());
+            let lower = wanted.to_lowercase();
+            let by_name = || devices.iter().position(|d| d.name.to_lowercase().contains(&lower));
+            by_index.or_else(by_name).ok_or_else(|| Error::NoDevice {
+                problem: format!("--device {wanted}: no such device; there are: {}", list()),
+                cure: "give an index or a part of a name from that list (`tyndall devices`)".into(),
+            })?
+        }
+    };
+    let chosen = &devices[index];
+    if !chosen.missing.is_empty() {
+        return Err(Error::MissingFeatures { device: chosen.name.clone(), missing: chosen.missing.clone() });
+    }
+    Ok(index)
+}
+
+impl Context {
+    /// Opens a device.
+    ///
+    /// Errors: no loader, no device, no validation layer although asked for, or features missing (they are named).
+    pub fn new(config: &ContextConfig) -> Result<Self> {
+        let instance = create_instance(config.validation)?;
+        let physical = instance.physical_devices();
+        let mut probes: Vec<_> = physical.iter().map(|&d| probe(&instance.raw, d)).collect();
+        let infos: Vec<_> = probes.iter().map(|p| p.info.clone()).collect();
+        let index = match choose(&infos, config.device.as_deref()) {
+            Ok(index) => index,
+            Err(error) => {
+                instance.destroy();
+                return Err(error);
+            }
+        };
+        let probe = probes.swap_remove(index);
+        let device = match create_device(&instance, physical[index], &probe) {
+            Ok(device) => device,
+            Err(error) => {
+                instance.destroy();
+                return Err(error);
+            }
+        };
+        // Leaks are reported by `close`, as failures; a log line more would help nobody.
+        let mut debug_settings = AllocatorDebugSettings::default();
+        debug_settings.log_leaks_on_shutdown = false;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.raw.clone(),
+            device: device.clone(),
+            physical_device: physical[index],
+            debug_settings,
+            buffer_device_address: false,
+            allocation_sizes: AllocationSizes::new(16 << 20, 4 << 20),
+        });
+        // SAFETY: the family and index are those the device was made with; the create infos are complete.
+        let made = unsafe {
+            let queue = device.get_device_queue(probe.queue_family, 0);
+            let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+            let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+            let sampler = |filter, mode| {
+                let clamp = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+                let info = vk::SamplerCreateInfo::default()
+                    .mag_filter(filter)
+                    .min_filter(filter)
+                    .mipmap_mode(mode)
+                    .address_mode_u(clamp)
+                    .address_mode_v(clamp)
+                    .address_mode_w(clamp);
+                device.create_sampler(&info, None)
+            };
+            let cache = vk::PipelineCacheCreateInfo::default();
+            device.create_semaphore(&info, None).and_then(|timeline| {
+                let nearest = sampler(vk::Filter::NEAREST, vk::SamplerMipmapMode::NEAREST)?;
+                let linear = sampler(vk::Filter::LINEAR, vk::SamplerMipmapMode::NEAREST)?;
+                Ok((queue, timeline, [nearest, linear], device.create_pipeline_cache(&cache, None)?))
+            })
+        };
+        let (queue, timeline, samplers, pipeline_cache) = made
+            .map_err(|result| Error::Vulkan { operation: "vkCreateSemaphore", object: "timeline".into(), result })?;
+        let allocator = allocator
+            .map_err(|e| Error::Device { pass: "memory allocation", problem: format!("no allocator: {e}") })?;
+        let debug =
+            instance.messenger.as_ref().map(|_| ash::ext::debug_utils::Device::new(&instance.raw, &device));
+        let shared = DeviceShared {
+            raw: device,
+            allocator: Mutex::new(Some(allocator)),
+            queue: Mutex::new(queue),
+            queue_family: probe.queue_family,
+            timeline,
+            timeline_value: AtomicU64::new(0),
+            samplers,
+            pipeline_cache,
+            limits: probe.limits,
+            max_subgroup_size: probe.max_subgroup_size,
+            has_timestamps: probe.timestamp_bits > 0 && probe.limits.timestamp_period > 0.0,
+            debug,
+            checks_hazards: cfg!(debug_assertions) || config.validation != Validation::Off,
+            sink: instance.sink,
+            max_allocation: probe.max_allocation,
+            bytes_now: AtomicU64::new(0),
+            bytes_peak: AtomicU64::new(0),
+            ids: AtomicU64::new(1),
+            messenger: instance.messenger,
+            instance: instance.raw,
+            _entry: instance.entry,
+        };
+        Ok(Self { shared: Arc::new(shared), info: probe.info, validation: config.validation })
+    }
+
+    pub(super) fn shared(&self) -> &Arc<DeviceShared> {
+        &self.shared
+    }
+
+    /// The device in words.
+    pub fn device_info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// The checks that run along.
+    pub fn validation(&self) -> Validation {
+        self.validation
+    }
+
+    /// Is the device a CPU pretending to be a GPU?
+    pub fn is_cpu(&self) -> bool {
+        self.info.kind == "CPU"
+    }
+
+    /// Largest number of bytes that one storage binding may cover.
+    pub fn max_storage_bytes(&self) -> u64 {
+        u64::from(self.shared.limits.max_storage_buffer_range)
+    }
+
+    /// Largest number of workgroups along x.
+    pub fn max_groups(&self) -> u32 {
+        self.shared.limits.max_compute_work_group_count[0]
+    }
+
+    /// Largest extent of a 3D image along one axis, in texels.
+    pub fn max_image_3d(&self) -> u32 {
+        self.shared.limits.max_image_dimension3_d
+    }
+
+    /// Messages of the validation layer and of Tyndall's own checks so far.
+    pub fn messages(&self) -> Vec<Message> {
+        self.shared.sink.messages()
+    }
+
+    /// Largest number of bytes of device memory in use at one time so far.
+    pub fn peak_bytes(&self) -> u64 {
+        self.shared.bytes_peak.load(Ordering::Relaxed)
+    }
+
+    /// A new storage buffer; its contents are undefined.
+    pub fn device_buffer<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
+        Buffer::new(&self.shared, name, len)
+    }
+
+    /// A new storage buffer with these elements.
+    pub fn upload<T: Pod>(&self, name: &str, data: &[T]) -> Result<Buffer<T>> {
+        let buffer = self.device_buffer(name, data.len())?;
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        for (i, chunk) in bytes.chunks(STAGING_BYTES).enumerate() {
+            let staging = self.staging(chunk)?;
+            let mut recorder = Recorder::new(self)?;
+            recorder.copy_raw(&staging, 0, &buffer.raw, (i * STAGING_BYTES) as u64, chunk.len() as u64);
+            recorder.submit_and_wait()?;
+        }
+        Ok(buffer)
+    }
+
+    fn staging(&self, bytes: &[u8]) -> Result<Arc<RawBuffer>> {
+        let mut staging =
+            RawBuffer::new(&self.shared, "staging.upload", bytes.len() as u64, MemoryLocation::CpuToGpu)?;
+        staging.mapped_mut()[..bytes.len()].copy_from_slice(bytes);
+        Ok(Arc::new(staging))
+    }
+
+    /// The elements of a buffer, once the device has finished everything submitted.
+    pub fn read_back<T: Pod>(&self, buffer: &Buffer<T>) -> Result<Vec<T>> {
+        self.read_back_range(buffer, 0..buffer.len())
+    }
+
+    /// Elements `range` of a buffer, once the device has finished everything submitted.
+    pub fn read_back_range<T: Pod>(&self, buffer: &Buffer<T>, range: std::ops::Range<usize>) -> Result<Vec<T>> {
+        let mut data = vec![T::zeroed(); range.len()];
+        let start = range.start * size_of::<T>();
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut data);
+        for (i, chunk) in bytes.chunks_mut(STAGING_BYTES).enumerate() {
+            let staging = Arc::new(RawBuffer::new(
+                &self.shared,
+                "staging.read_back",
+                chunk.len() as u64,
+                MemoryLocation::GpuToCpu,
+            )?);
+            let mut recorder = Recorder::new(self)?;
+            recorder.copy_raw(&buffer.raw, (start + i * STAGING_BYTES) as u64, &staging, 0, chunk.len() as u64);
+            recorder.host_read(&staging);
+            recorder.submit_and_wait()?;
+            chunk.copy_from_slice(&staging.mapped()[..chunk.len()]);
+        }
+        Ok(data)
+    }
+
+    /// A new 3D image, its texels undefined.
+    pub fn image_3d(&self, name: &str, extent: [u32; 3], format: ImageFormat) -> Result<Image> {
+        self.image(name, extent, true, format)
+    }
+
+    /// A new 2D image, its texels undefined.
+    pub fn image_2d(&self, name: &str, extent: [u32; 2], format: ImageFormat) -> Result<Image> {
+        self.image(name, [extent[0], extent[1], 1], false, format)
+    }
+
+    fn image(&self, name: &str, extent: [u32; 3], is_3d: bool, format: ImageFormat) -> Result<Image> {
+        let raw = Arc::new(RawImage::new(&self.shared, name, extent, is_3d, format)?);
+        let mut recorder = Recorder::new(self)?;
+        recorder.init_image(&raw);
+        recorder.submit_and_wait()?;
+        Ok(Image { raw })
+    }
+
+    /// Fills an image layer by layer: `layers(z0..z1)` gives the texels of those layers, x fastest. The texel type
+    /// must have the size of the image's format.
+    pub fn upload_image<T: Pod>(
+        &self,
+        image: &Image,
+        mut layers: impl FnMut(std::ops::Range<u32>) -> Vec<T>,
+    ) -> Result<()> {
+        assert_eq!(size_of::<T>() as u64, image.format().bytes(), "texel type of '{}'", image.name());
+        for range in layer_chunks(image) {
+            let texels = layers(range.clone());
+            let expected = u64::from(image.extent()[0]) * u64::from(image.extent()[1]) * range.len() as u64;
+            assert_eq!(texels.len() as u64, expected, "texels of '{}'", image.name());
+            let staging = self.staging(bytemuck::cast_slice(&texels))?;
+            let mut recorder = Recorder::new(self)?;
+            recorder.copy_buffer_to_image(&staging, &image.raw, range);
+            recorder.submit_and_wait()?;
+        }
+        Ok(())
+    }
+
+    /// The texels of an image, x fastest, once the device has finished everything submitted.
+    pub fn read_back_image<T: Pod>(&self, image: &Image) -> Result<Vec<T>> {
+        assert_eq!(size_of::<T>() as u64, image.format().bytes(), "texel type of '{}'", image.name());
+        let mut texels = Vec::with_capacity((image.bytes() / image.format().bytes()) as usize);
+        let layer = u64::from(image.extent()[0]) * u64::from(image.extent()[1]) * image.format().bytes();
+        for range in layer_chunks(image) {
+            let bytes = layer * range.len() as u64;
+            let staging =
+                Arc::new(RawBuffer::new(&self.shared, "staging.read_back", bytes, MemoryLocation::GpuToCpu)?);
+            let mut recorder = Recorder::new(self)?;
+            recorder.copy_image_to_buffer(&image.raw, &staging, range);
+            recorder.host_read(&staging);
+            recorder.submit_and_wait()?;
+            texels.extend_from_slice(bytemuck::cast_slice(&staging.mapped()[..bytes as usize]));
+        }
+        Ok(texels)
+    }
+
+    /// Waits for the device, checks for leaks, tears everything down, and returns every message there was, the
+    /// teardown's included.
+    pub fn close(self) -> Vec<Message> {
+        let Self { shared, .. } = self;
+        // SAFETY: the device is alive; waiting is always allowed from the one thread that owns the context.
+        if let Err(result) = unsafe { shared.raw.device_wait_idle() } {
+            shared.report(Severity::Error, "TYNDALL-DEVICE", &format!("vkDeviceWaitIdle: {result}"));
+        }
+        let report = shared.allocator().as_ref().map(Allocator::generate_report);
+        for allocation in report.into_iter().flat_map(|r| r.allocations) {
+            shared.report(
+                Severity::Error,
+                "TYNDALL-LEAK",
+                &format!("'{}' still holds {} bytes of device memory", allocation.name, allocation.size),
+            );
+        }
+        let holders = Arc::strong_count(&shared) - 1;
+        if holders > 0 {
+            shared.report(Severity::Error, "TYNDALL-LEAK", &format!("{holders} Vulkan object(s) outlive the context"));
+        }
+        let sink = shared.sink.clone();
+        drop(shared);
+        sink.messages()
+    }
+}
+
+/// Layers of an image in pieces of at most `STAGING_BYTES` (one layer at least).
+fn layer_chunks(image: &Image) -> Vec<std::ops::Range<u32>> {
+    let [width, height, depth] = image.extent();
+    let layer = u64::from(width) * u64::from(height) * image.format().bytes();
+    let step = (STAGING_BYTES as u64 / layer.max(1)).clamp(1, u64::from(depth.max(1))) as u32;
+    (0..depth).step_by(step as usize).map(|z| z..(z + step).min(depth)).collect()
+}
+
+fn create_device(instance: &Instance, physical: vk::PhysicalDevice, probe: &Probe) -> Result<ash::Device> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(probe.queue_family)
+        .queue_priorities(&priorities)];
+    // SAFETY: the instance is alive.
+    let has = unsafe { instance.raw.get_physical_device_features(physical) };
+    // GPU-assisted validation writes its findings from the shader, and asks for these two where they exist.
+    let core = vk::PhysicalDeviceFeatures::default()
+        .fragment_stores_and_atomics(instance.messenger.is_some() && has.fragment_stores_and_atomics == vk::TRUE)
+        .vertex_pipeline_stores_and_atomics(
+            instance.messenger.is_some() && has.vertex_pipeline_stores_and_atomics == vk::TRUE,
+        );
+    let mut f12 = vk::PhysicalDeviceVulkan12Features::default()
+        .timeline_semaphore(true)
+        .scalar_block_layout(true)
+        .vulkan_memory_model(true)
+        .vulkan_memory_model_device_scope(true);
+    let mut f13 = vk::PhysicalDeviceVulkan13Features::default()
+        .synchronization2(true)
+        .subgroup_size_control(true)
+        .compute_full_subgroups(true)
+        .maintenance4(true);
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&core)
+        .push_next(&mut f12)
+        .push_next(&mut f13);
+    // SAFETY: the chained structs outlive the call; `choose` made sure that the features exist.
+    unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|result| Error::Vulkan {
+        operation: "vkCreateDevice",
+        object: probe.info.name.clone(),
+        result,
+    })
+}
+
+pub(super) use image_barrier::init_barrier;
+
+mod image_barrier {
+    use super::*;
+
+    /// UNDEFINED to GENERAL: the only layout change there is.
+    pub(in crate::vk) fn init_barrier(image: vk::Image) -> vk::ImageMemoryBarrier2<'static> {
+        vk::ImageMemoryBarrier2::default()
+            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(vk::ImageLayout::GENERAL)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image)
+            .subresource_range(WHOLE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(name: &str, missing: &[&str]) -> DeviceInfo {
+        DeviceInfo {
+            name: name.into(),
+            driver: String::new(),
+            kind: "CPU",
+            api_version: String::new(),
+            subgroup_size: 8,
+            limits: vec![],
+            missing: missing.iter().map(|s| s.to_string()).collect(),
+        }
+    }
+
+    #[test]
+    fn choice_prefers_complete_devices_and_takes_index_or_name() {
+        let devices = [device("Old GPU", &["synchronization2"]), device("llvmpipe (LLVM 15)", &[])];
+        assert_eq!(choose(&devices, None).unwrap(), 1);
+        assert_eq!(choose(&devices, Some("1")).unwrap(), 1);
+        assert_eq!(choose(&devices, Some("LLVMpipe")).unwrap(), 1);
+    }
+
+    #[test]
+    fn a_device_without_a_needed_feature_is_refused_by_the_feature_name() {
+        let error = choose(&[device("Old GPU", &["synchronization2", "maintenance4"])], None).unwrap_err();
+        assert!(matches!(error, Error::MissingFeatures { .. }));
+        let text = error.to_string();
+        assert!(text.contains("Old GPU") && text.contains("synchronization2, maintenance4"), "{text}");
+    }
+
+    #[test]
+    fn unknown_and_absent_devices_say_what_there_is() {
+        let text = choose(&[device("llvmpipe", &[])], Some("radeon")).unwrap_err().to_string();
+        assert!(text.contains("radeon") && text.contains("0: llvmpipe"), "{text}");
+        let text = choose(&[], None).unwrap_err().to_string();
+        assert!(text.contains("no Vulkan device") && text.contains("mesa-vulkan-drivers"), "{text}");
+    }
+}

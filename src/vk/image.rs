@@ -1,0 +1,198 @@
+//! Images: voxel fields (3D) and pictures (2D). They stay in the GENERAL layout for their whole life.
+
+use super::buffer::{Bind, Filter};
+use super::context::DeviceShared;
+use crate::{Error, Result};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use std::sync::Arc;
+
+/// Texel formats in use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the variants are Vulkan's formats")]
+pub enum ImageFormat {
+    R8Uint,
+    R32Uint,
+    R32Float,
+    Rgba16Float,
+    Rgba32Float,
+}
+
+impl ImageFormat {
+    /// Bytes of a texel.
+    pub fn bytes(self) -> u64 {
+        match self {
+            ImageFormat::R8Uint => 1,
+            ImageFormat::R32Uint | ImageFormat::R32Float => 4,
+            ImageFormat::Rgba16Float => 8,
+            ImageFormat::Rgba32Float => 16,
+        }
+    }
+
+    pub(super) fn to_vk(self) -> vk::Format {
+        match self {
+            ImageFormat::R8Uint => vk::Format::R8_UINT,
+            ImageFormat::R32Uint => vk::Format::R32_UINT,
+            ImageFormat::R32Float => vk::Format::R32_SFLOAT,
+            ImageFormat::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
+            ImageFormat::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
+        }
+    }
+}
+
+/// A Vulkan image with view and memory.
+pub(super) struct RawImage {
+    pub(super) handle: vk::Image,
+    pub(super) view: vk::ImageView,
+    allocation: Option<Allocation>,
+    pub(super) extent: [u32; 3],
+    pub(super) format: ImageFormat,
+    pub(super) name: String,
+    pub(super) id: u64,
+    device: Arc<DeviceShared>,
+}
+
+impl RawImage {
+    pub(super) fn new(
+        device: &Arc<DeviceShared>,
+        name: &str,
+        extent: [u32; 3],
+        is_3d: bool,
+        format: ImageFormat,
+    ) -> Result<Self> {
+        let limit =
+            if is_3d { device.limits.max_image_dimension3_d } else { device.limits.max_image_dimension2_d };
+        let longest = extent.into_iter().max().unwrap_or(0);
+        if longest > limit {
+            return Err(Error::DeviceMemory {
+                object: name.to_owned(),
+                needed: u64::from(longest),
+                limit: u64::from(limit),
+                limit_name: if is_3d { "maxImageDimension3D (voxels)" } else { "maxImageDimension2D (pixels)" },
+                cure: "resample the volume or make the picture smaller".into(),
+            });
+        }
+        let info = vk::ImageCreateInfo::default()
+            .image_type(if is_3d { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D })
+            .format(format.to_vk())
+            .extent(vk::Extent3D { width: extent[0], height: extent[1], depth: extent[2] })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(
+                vk::ImageUsageFlags::SAMPLED
+                    | vk::ImageUsageFlags::STORAGE
+                    | vk::ImageUsageFlags::TRANSFER_SRC
+                    | vk::ImageUsageFlags::TRANSFER_DST,
+            )
+            .initial_layout(vk::ImageLayout::UNDEFINED);
+        let error = |operation| move |result| Error::Vulkan { operation, object: name.to_owned(), result };
+        // SAFETY: the device is alive; the create info is complete and within the limits checked above.
+        let handle = unsafe { device.raw.create_image(&info, None) }.map_err(error("vkCreateImage"))?;
+        let mut image = Self {
+            handle,
+            view: vk::ImageView::null(),
+            allocation: None,
+            extent,
+            format,
+            name: name.to_owned(),
+            id: device.next_id(),
+            device: device.clone(),
+        };
+        // SAFETY: `handle` was just made by this device.
+        let requirements = unsafe { device.raw.get_image_memory_requirements(handle) };
+        // Large images get memory of their own, so that it goes back as soon as the image does.
+        let allocation_scheme = if requirements.size > 16 << 20 {
+            AllocationScheme::DedicatedImage(handle)
+        } else {
+            AllocationScheme::GpuAllocatorManaged
+        };
+        let allocation = device.allocate(&AllocationCreateDesc {
+            name,
+            requirements,
+            location: MemoryLocation::GpuOnly,
+            linear: false,
+            allocation_scheme,
+        })?;
+        let (memory, offset) = {
+            // SAFETY: the memory handle is used only to bind the image, and lives as long as `allocation`.
+            let memory = unsafe { allocation.memory() };
+            (memory, allocation.offset())
+        };
+        image.allocation = Some(allocation);
+        // SAFETY: the memory is unbound and fits the image's requirements.
+        unsafe { device.raw.bind_image_memory(handle, memory, offset) }.map_err(error("vkBindImageMemory"))?;
+        let info = vk::ImageViewCreateInfo::default()
+            .image(handle)
+            .view_type(if is_3d { vk::ImageViewType::TYPE_3D } else { vk::ImageViewType::TYPE_2D })
+            .format(format.to_vk())
+            .subresource_range(WHOLE);
+        // SAFETY: the image is bound and its usage allows views.
+        image.view = unsafe { device.raw.create_image_view(&info, None) }.map_err(error("vkCreateImageView"))?;
+        device.set_name(handle, name);
+        device.set_name(image.view, name);
+        Ok(image)
+    }
+}
+
+/// The one subresource that our images have.
+pub(super) const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
+    aspect_mask: vk::ImageAspectFlags::COLOR,
+    base_mip_level: 0,
+    level_count: 1,
+    base_array_layer: 0,
+    layer_count: 1,
+};
+
+impl Drop for RawImage {
+    fn drop(&mut self) {
+        // SAFETY: whoever used the image kept it alive until the device was done with it; null views are ignored.
+        unsafe {
+            self.device.raw.destroy_image_view(self.view, None);
+            self.device.raw.destroy_image(self.handle, None);
+        }
+        if let Some(allocation) = self.allocation.take() {
+            self.device.free(allocation);
+        }
+    }
+}
+
+/// An image in device memory. Cloning shares it.
+#[derive(Clone)]
+pub struct Image {
+    pub(super) raw: Arc<RawImage>,
+}
+
+impl Image {
+    /// Width, height, depth in texels.
+    pub fn extent(&self) -> [u32; 3] {
+        self.raw.extent
+    }
+
+    /// Texel format.
+    pub fn format(&self) -> ImageFormat {
+        self.raw.format
+    }
+
+    /// Bytes of all texels.
+    pub fn bytes(&self) -> u64 {
+        self.raw.extent.iter().map(|&e| u64::from(e)).product::<u64>() * self.raw.format.bytes()
+    }
+
+    /// Debug name.
+    pub fn name(&self) -> &str {
+        &self.raw.name
+    }
+
+    /// To be bound as a combined image sampler (`sampler3D`, `usampler3D`, `sampler2D`).
+    pub fn sampled(&self, filter: Filter) -> Bind<'_> {
+        Bind::Sampled(&self.raw, filter)
+    }
+
+    /// To be bound as a storage image (`image3D`, `uimage3D`, `image2D`).
+    pub fn storage(&self) -> Bind<'_> {
+        Bind::Storage(&self.raw)
+    }
+}

@@ -1,0 +1,25 @@
+//! Raw Vulkan: the only unsafe code of the crate. It knows no pass.
+//!
+//! What this layer promises: objects live as long as anything uses them (recorders keep what they bind), every
+//! submission waits for the one before it, every object has a name, host access to a resource happens only through
+//! [`Context::upload`] and [`Context::read_back`], and in debug builds and whenever validation is on, every recorder
+//! checks for itself that barriers separate conflicting accesses ([`access`]).
+//!
+//! What it leaves to callers: barriers between dispatches, and that shaders stay inside their buffers.
+#![allow(unsafe_code, reason = "the one module that talks to Vulkan")]
+
+pub mod access;
+mod buffer;
+mod context;
+mod image;
+mod pipeline;
+mod recorder;
+mod validation;
+
+pub use access::Access;
+pub use buffer::{Bind, Buffer, Filter};
+pub use context::{Context, ContextConfig, DeviceInfo, list_devices};
+pub use image::{Image, ImageFormat};
+pub use pipeline::Pipeline;
+pub use recorder::{Recorder, Submission, TimedPass};
+pub use validation::{Message, Severity, Validation};

@@ -1,0 +1,136 @@
+//! Compute pipelines made from reflection, specialised by name.
+
+use super::context::{Context, DeviceShared};
+use crate::shaders::{BindingKind, LocalSize, ShaderInfo};
+use crate::{Error, Result};
+use ash::vk;
+use std::sync::Arc;
+
+pub(super) struct RawPipeline {
+    pub(super) handle: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    pub(super) set_layout: vk::DescriptorSetLayout,
+    pub(super) shader: &'static ShaderInfo,
+    device: Arc<DeviceShared>,
+}
+
+impl Drop for RawPipeline {
+    fn drop(&mut self) {
+        // SAFETY: recorders keep the pipelines they use until the device is done; null handles are ignored.
+        unsafe {
+            self.device.raw.destroy_pipeline(self.handle, None);
+            self.device.raw.destroy_pipeline_layout(self.layout, None);
+            self.device.raw.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+/// A compute pipeline. Cloning shares it.
+#[derive(Clone)]
+pub struct Pipeline {
+    pub(super) raw: Arc<RawPipeline>,
+    local_size: [u32; 3],
+}
+
+impl Pipeline {
+    /// Makes a pipeline. `specialization` sets constants by their GLSL names (`WORKGROUP` for `local_size_x_id`);
+    /// the others keep their defaults. A name that the shader does not have is a panic.
+    pub fn new(ctx: &Context, shader: &'static ShaderInfo, specialization: &[(&str, u32)]) -> Result<Self> {
+        let device = ctx.shared();
+        let error = |operation| move |result| Error::Vulkan { operation, object: shader.name.to_owned(), result };
+        let bindings: Vec<_> = shader
+            .bindings
+            .iter()
+            .map(|b| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(b.binding)
+                    .descriptor_count(1)
+                    .descriptor_type(descriptor_type(b.kind))
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: the device is alive; `bindings` outlives the call.
+        let set_layout = unsafe { device.raw.create_descriptor_set_layout(&info, None) }
+            .map_err(error("vkCreateDescriptorSetLayout"))?;
+        let mut pipeline = RawPipeline {
+            handle: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout,
+            shader,
+            device: device.clone(),
+        };
+        let set_layouts = [set_layout];
+        let ranges = [vk::PushConstantRange {
+            stage_flags: vk::ShaderStageFlags::COMPUTE,
+            offset: 0,
+            size: shader.push_bytes,
+        }];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&set_layouts);
+        if shader.push_bytes > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the arrays outlive the call.
+        pipeline.layout =
+            unsafe { device.raw.create_pipeline_layout(&info, None) }.map_err(error("vkCreatePipelineLayout"))?;
+
+        let mut entries = Vec::new();
+        let mut data: Vec<u32> = Vec::new();
+        for (name, value) in specialization {
+            let known = shader.specialization.iter().find(|s| s.name == *name);
+            let id = known.unwrap_or_else(|| panic!("{} has no specialization constant {name}", shader.name)).id;
+            entries.push(vk::SpecializationMapEntry { constant_id: id, offset: data.len() as u32 * 4, size: 4 });
+            data.push(*value);
+        }
+        let local_size = shader.local_size.map(|l| match l {
+            LocalSize::Fixed(n) => n,
+            LocalSize::Specialized { id, default } => {
+                entries.iter().position(|e| e.constant_id == id).map_or(default, |i| data[i])
+            }
+        });
+        let specialization =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&data));
+        let words = ash::util::read_spv(&mut std::io::Cursor::new(shader.spirv)).expect("build.rs wrote whole words");
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
+        // SAFETY: the words are a module that shaderc made for Vulkan 1.3.
+        let module =
+            unsafe { device.raw.create_shader_module(&info, None) }.map_err(error("vkCreateShaderModule"))?;
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&specialization);
+        // Subgroup shuffles count on every lane being there. The flag is allowed only where the size divides.
+        if local_size[0] % device.max_subgroup_size == 0 {
+            stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
+        }
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout);
+        // SAFETY: stage, module and specialization outlive the call.
+        let made = unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &[info], None) };
+        // SAFETY: a module is not needed once the pipeline is made.
+        unsafe { device.raw.destroy_shader_module(module, None) };
+        pipeline.handle = made.map_err(|(_, result)| result).map_err(error("vkCreateComputePipelines"))?[0];
+        device.set_name(pipeline.handle, shader.name);
+        device.set_name(pipeline.layout, shader.name);
+        device.set_name(pipeline.set_layout, shader.name);
+        Ok(Self { raw: Arc::new(pipeline), local_size })
+    }
+
+    /// Name of the shader.
+    pub fn name(&self) -> &'static str {
+        self.raw.shader.name
+    }
+
+    /// Workgroup size.
+    pub fn local_size(&self) -> [u32; 3] {
+        self.local_size
+    }
+}
+
+pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
+    match kind {
+        BindingKind::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
+        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+        BindingKind::SampledImage => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+    }
+}

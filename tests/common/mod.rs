@@ -1,0 +1,48 @@
+//! The harness of every GPU test: a fresh context with validation, and after the body the proof that nothing was
+//! reported and nothing leaked.
+
+#![allow(dead_code, reason = "each test file uses a part of it")]
+
+use std::sync::Once;
+use tyndall::vk::{Context, ContextConfig, Message, Validation};
+
+/// Validation of this run: `TYNDALL_VALIDATION=core` (default) or `gpu-assisted`.
+pub fn validation() -> Validation {
+    match std::env::var("TYNDALL_VALIDATION").as_deref() {
+        Err(_) | Ok("core") => Validation::CoreAndSync,
+        Ok("gpu-assisted") => Validation::GpuAssisted,
+        Ok(other) => panic!("TYNDALL_VALIDATION={other}: it must be 'core' or 'gpu-assisted'"),
+    }
+}
+
+/// True when the long sweeps were asked for (`scripts/test --full`).
+pub fn is_full() -> bool {
+    std::env::var_os("TYNDALL_FULL").is_some()
+}
+
+/// A context under validation. Without device or layer the test fails and says what to install.
+pub fn context() -> Context {
+    let config = ContextConfig { device: std::env::var("TYNDALL_DEVICE").ok(), validation: validation() };
+    let ctx = Context::new(&config).unwrap_or_else(|e| panic!("{e}"));
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let d = ctx.device_info();
+        eprintln!("device: {} | {} | subgroup {} | {:?}", d.name, d.driver, d.subgroup_size, config.validation);
+    });
+    ctx
+}
+
+/// Runs `body` and returns every message of its context, teardown included.
+pub fn messages_of(body: impl FnOnce(&Context)) -> Vec<Message> {
+    let ctx = context();
+    body(&ctx);
+    ctx.close()
+}
+
+/// Runs `body`; any message or leak fails the test.
+pub fn gpu_test(body: impl FnOnce(&Context)) {
+    let messages = messages_of(body);
+    assert!(messages.is_empty(), "{} validation message(s):\n{}", messages.len(), {
+        messages.iter().take(10).map(|m| m.to_string()).collect::<Vec<_>>().join("\n")
+    });
+}
