@@ -179,19 +179,15 @@ fn create_instance(validation: Validation) -> Result<Instance> {
 
     let mut messenger_info = validation::messenger_info(&sink);
     let mut enables = Vec::new();
-    let mut disables = Vec::new();
     match validation {
         Validation::Off => {}
         Validation::CoreAndSync => enables.push(vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION),
         Validation::GpuAssisted => {
             enables.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
             enables.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED_RESERVE_BINDING_SLOT);
-            disables.push(vk::ValidationFeatureDisableEXT::CORE_CHECKS);
         }
     }
-    let mut features = vk::ValidationFeaturesEXT::default()
-        .enabled_validation_features(&enables)
-        .disabled_validation_features(&disables);
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
     let setting = |name: &'static CStr, value: &'static [u32; 1]| {
         vk::LayerSettingEXT::default()
             .layer_name(validation::LAYER)
@@ -200,7 +196,6 @@ fn create_instance(validation: Validation) -> Result<Instance> {
             .values(bytemuck::cast_slice(value))
     };
     const ON: &[u32; 1] = &[vk::TRUE];
-    const OFF: &[u32; 1] = &[vk::FALSE];
     // Newer layers see dispatch-to-dispatch hazards only with the shader access heuristic.
     let settings = match validation {
         Validation::Off => vec![],
@@ -209,7 +204,7 @@ fn create_instance(validation: Validation) -> Result<Instance> {
             setting(c"syncval_submit_time_validation", ON),
             setting(c"syncval_shader_accesses_heuristic", ON),
         ],
-        Validation::GpuAssisted => vec![setting(c"validate_core", OFF), setting(c"gpuav_enable", ON)],
+        Validation::GpuAssisted => vec![setting(c"gpuav_enable", ON)],
     };
     let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
     if validation != Validation::Off {
