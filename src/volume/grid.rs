@@ -1,6 +1,19 @@
 //! A scalar volume on a regular grid, placed in the world.
 
+use crate::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
+use std::fmt;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
+
+/// Lengths of a voxel step, in world units, that can be rendered in single precision without overflow.
+const STEP_LENGTHS: RangeInclusive<f64> = 1e-12..=1e12;
+
+/// Largest accepted |coordinate| of voxel 0, in world units.
+const MAX_ORIGIN: f64 = 1e15;
+
+/// Least |determinant| of the three unit vectors along the voxel steps: below it they lie in a plane.
+const MIN_DETERMINANT: f64 = 1e-6;
 
 /// Type of the stored scalars.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +83,69 @@ impl Grid {
         Self { dims, index_to_world: DAffine3 { matrix3: steps, translation } }
     }
 
+    /// The same as [`Grid::oriented`] for values from outside: lengths, origin and determinant are checked.
+    /// `steps_from` and `origin_from` name their sources (file and field) in the error.
+    pub fn checked(
+        dims: [u32; 3],
+        steps: DMat3,
+        origin: [f64; 3],
+        steps_from: &str,
+        origin_from: &str,
+    ) -> Result<Self> {
+        for (axis, step) in [steps.x_axis, steps.y_axis, steps.z_axis].into_iter().enumerate() {
+            // A NaN lies in no range.
+            if !STEP_LENGTHS.contains(&step.length()) {
+                return Err(Error::input(
+                    steps_from,
+                    format!("voxel step {axis} has length {}, not a finite positive one", step.length()),
+                    format!(
+                        "give each axis a step between {:e} and {:e} world units long",
+                        STEP_LENGTHS.start(),
+                        STEP_LENGTHS.end()
+                    ),
+                ));
+            }
+        }
+        let units = DMat3::from_cols(steps.x_axis.normalize(), steps.y_axis.normalize(), steps.z_axis.normalize());
+        if units.determinant().abs() < MIN_DETERMINANT {
+            return Err(Error::input(
+                steps_from,
+                "the direction matrix is singular: the three axes lie in one plane",
+                "give three linearly independent axis directions",
+            ));
+        }
+        if !origin.iter().all(|c| c.abs() <= MAX_ORIGIN) {
+            return Err(Error::input(
+                origin_from,
+                format!("the origin {origin:?} is not finite or too far away"),
+                format!("give finite coordinates of at most {MAX_ORIGIN:e}"),
+            ));
+        }
+        Ok(Self::oriented(dims, steps, origin))
+    }
+
+    /// Checks sizes from outside: each at least 1 and at most 2³²−1 voxels in all, the most that a 32-bit voxel
+    /// index reaches. `what` names their source (file and field) in the error.
+    pub fn checked_dims(dims: [u64; 3], what: &str) -> Result<[u32; 3]> {
+        let [x, y, z] = dims;
+        if dims.contains(&0) {
+            return Err(Error::input(
+                what,
+                format!("the size {x} x {y} x {z} has a zero"),
+                "give at least 1 voxel per axis",
+            ));
+        }
+        match x.checked_mul(y).and_then(|xy| xy.checked_mul(z)) {
+            // Each factor is at most the product.
+            Some(n) if n <= u64::from(u32::MAX) => Ok(dims.map(|d| d as u32)),
+            _ => Err(Error::input(
+                what,
+                format!("{x} x {y} x {z} is more than {} voxels", u32::MAX),
+                "crop or downsample the volume, or correct the size if the header is damaged",
+            )),
+        }
+    }
+
     /// Number of voxels.
     pub fn voxels(&self) -> u64 {
         self.dims.iter().map(|&d| u64::from(d)).product()
@@ -101,6 +177,7 @@ impl Grid {
     }
 }
 
+/// Runs `body` with `v` bound to the vector of whatever type the data have.
 macro_rules! for_each_type {
     ($data:expr, $v:ident => $body:expr) => {
         match $data {
@@ -111,12 +188,26 @@ macro_rules! for_each_type {
             VoxelData::U32($v) => $body,
             VoxelData::I32($v) => $body,
             VoxelData::F32($v) => $body,
+            #[allow(clippy::useless_conversion, reason = "the body converts every type to f64")]
             VoxelData::F64($v) => $body,
         }
     };
 }
+pub(super) use for_each_type;
 
 impl ScalarType {
+    /// Every type and its name on the command line and in scene files.
+    pub const NAMES: [(ScalarType, &str); 8] = [
+        (ScalarType::U8, "u8"),
+        (ScalarType::I8, "i8"),
+        (ScalarType::U16, "u16"),
+        (ScalarType::I16, "i16"),
+        (ScalarType::U32, "u32"),
+        (ScalarType::I32, "i32"),
+        (ScalarType::F32, "f32"),
+        (ScalarType::F64, "f64"),
+    ];
+
     /// Bytes of one scalar.
     pub fn size(self) -> usize {
         match self {
@@ -125,6 +216,24 @@ impl ScalarType {
             ScalarType::U32 | ScalarType::I32 | ScalarType::F32 => 4,
             ScalarType::F64 => 8,
         }
+    }
+}
+
+impl FromStr for ScalarType {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        Self::NAMES.iter().find(|(_, name)| *name == text).map(|&(scalar, _)| scalar).ok_or_else(|| {
+            let names: Vec<_> = Self::NAMES.iter().map(|&(_, name)| name).collect();
+            format!("unknown scalar type '{text}'; one of {}", names.join(", "))
+        })
+    }
+}
+
+impl fmt::Display for ScalarType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (_, name) = Self::NAMES.iter().find(|(scalar, _)| scalar == self).expect("NAMES lists every variant");
+        f.write_str(name)
     }
 }
 
@@ -160,8 +269,8 @@ impl Volume {
         for_each_type!(&self.data, v => self.slope * f64::from(v[i]) + self.intercept)
     }
 
-    /// Values of a range of voxels as f32, NaN replaced by the least finite value that `clean` gives: the
-    /// form in which the GPU gets them. Infinities become ±f32::MAX.
+    /// Values of a range of voxels as f32, the form in which the GPU gets them: NaN becomes `nan_value` (use the
+    /// least finite value, see [`Volume::range`]) and infinities become ±f32::MAX.
     pub fn values_f32(&self, range: std::ops::Range<usize>, nan_value: f32) -> Vec<f32> {
         let (slope, intercept) = (self.slope, self.intercept);
         let convert = |stored: f64| {
