@@ -898,7 +898,7 @@ fn headers_that_promise_gigabytes_reserve_no_memory() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Whatever is cut off or flipped, in the header or in the data: a volume of the promised size or an error.
     #[test]
