@@ -2,8 +2,11 @@
 
 pub mod abi;
 pub mod error;
+pub mod measure;
+pub mod output;
 pub mod scene;
 pub mod shaders;
+pub mod stats;
 pub mod vk;
 pub mod volume;
 

@@ -102,8 +102,8 @@ pub fn block_bias(a: &Picture, b: &Picture) -> f64 {
         if count[0] == 0.0 || count[1] == 0.0 {
             continue;
         }
-        for c in 0..3 {
-            let (d1, d2) = (difference[0][c] / count[0], difference[1][c] / count[1]);
+        for (sum1, sum2) in difference[0].iter().zip(&difference[1]) {
+            let (d1, d2) = (sum1 / count[0], sum2 / count[1]);
             weighted += (count[0] + count[1]) * 0.5 * (sign(d1) * d2 + sign(d2) * d1);
         }
     }
