@@ -68,9 +68,10 @@ pub(super) fn inside(d: f32, width: f32) -> f32 {
 }
 
 /// Union of two distances with a fillet of size `k`.
+#[inline]
 pub(super) fn smooth_min(a: f32, b: f32, k: f32) -> f32 {
-    let h = (k - (a - b).abs()).max(0.0) / k;
-    a.min(b) - h * h * k / 4.0
+    let h = (k - (a - b).abs()).max(0.0);
+    a.min(b) - h * h * (0.25 / k)
 }
 
 /// Distance `a` without the inside of `b`, with a rounded rim of size `k`.
@@ -79,10 +80,13 @@ pub(super) fn carve(a: f32, b: f32, k: f32) -> f32 {
 }
 
 /// Distance to an ellipsoid: exact at the surface's first order, which is all that thin edges need.
+#[inline]
 pub(super) fn ellipsoid(p: Vec3, centre: Vec3, radii: Vec3) -> f32 {
-    let q = (p - centre) / radii;
+    // The reciprocal of literal radii is worked out at compile time.
+    let inverse = 1.0 / radii;
+    let q = (p - centre) * inverse;
     let k0 = q.length();
-    let k1 = (q / radii).length();
+    let k1 = (q * inverse).length();
     if k1 > 0.0 { k0 * (k0 - 1.0) / k1 } else { -radii.min_element() }
 }
 

@@ -52,8 +52,8 @@ pub(super) fn constant() -> Box<dyn Body> {
     Box::new(|_: Vec3| 0.5)
 }
 
-/// Three bars from one corner, of different lengths and values, and a block beside the longest: no rotation and no
-/// mirror image of it is the same. The bar along x has value 1, along y 0.7, along z 0.4; the block has 0.55.
+/// Three bars from one corner, of different lengths and values: no rotation and no mirror image of it is the same. The
+/// bar along x has value 1, along y 0.7, along z 0.4.
 pub(super) fn corner() -> Box<dyn Body> {
     let block = |p: Vec3, low: [f32; 3], high: [f32; 3]| p.cmpge(low.into()).all() && p.cmple(high.into()).all();
     Box::new(move |p: Vec3| {
@@ -63,8 +63,6 @@ pub(super) fn corner() -> Box<dyn Body> {
             0.7
         } else if block(p, [-0.8, -0.8, -0.8], [-0.5, -0.5, 0.0]) {
             0.4
-        } else if block(p, [0.3, -0.5, -0.8], [0.8, -0.1, -0.5]) {
-            0.55
         } else {
             0.0
         }

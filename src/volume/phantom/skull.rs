@@ -194,6 +194,9 @@ pub(super) fn head() -> Box<dyn Body> {
 
 struct Head;
 
+/// Least thickness of the flesh over the bones.
+const COVER: f32 = 0.05;
+
 /// The spine and the airway from the nose down the throat.
 const SPINE: Rod = Rod::new([0.0, 0.24, -0.42], 0.10, [0.0, 0.38, -1.7], 0.13);
 const AIRWAY: [Rod; 2] = [
@@ -220,7 +223,7 @@ impl Body for Head {
             value *= 1.0 - inside(rods(side, &AIRWAY, 0.05, 1.0), EDGE);
         }
         // The skull sits a little behind the face and ends above the neck; flesh covers it everywhere.
-        if p.z > -1.1 {
+        if p.z > -1.0 && skin < EDGE - COVER {
             let q = (side - vec3(0.0, 0.02, 0.02)) / 0.95;
             // In the middle of the brain there is no bone to look for.
             let deep = q.y > -0.2 && cranium(q, SHELL + 0.1) < 0.0;
@@ -232,11 +235,11 @@ impl Body for Head {
                 let cleft = smoothstep(0.0, 0.02, side.x - 0.004);
                 value += (0.30 + 0.14 * folds * cleft - value) * room;
             }
-            let bone = bones.bone.max(skin + 0.05);
+            let bone = bones.bone.max(skin + COVER);
             if bone < EDGE {
                 value = value.max(inside(bone, EDGE) * bone_density(p, bone));
             }
-            value = value.max(inside(bones.teeth.max(skin + 0.03), EDGE));
+            value = value.max(inside(bones.teeth.max(skin + COVER), EDGE));
         }
         value * inside(skin, EDGE)
     }
