@@ -1,6 +1,7 @@
 //! Real volumes, where they are at hand: a folder `shared/volumes` beside the checkout, or the one named by
 //! TYNDALL_VOLUMES. They are not part of the repository.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use tyndall::volume::{self, ScalarType, active_fraction, summary};
 
@@ -103,7 +104,8 @@ fn real_volumes_load_as_described() {
     for expected in VOLUMES {
         let path = folder().join(expected.file);
         if !path.exists() {
-            eprintln!("SKIPPED: {} is not there; set TYNDALL_VOLUMES to its folder", path.display());
+            // Written past the test harness, which would swallow it.
+            writeln!(std::io::stderr(), "SKIPPED: no {}; set TYNDALL_VOLUMES to its folder", path.display()).unwrap();
             continue;
         }
         let name = expected.file;

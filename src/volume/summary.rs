@@ -52,7 +52,7 @@ pub fn summary(volume: &Volume) -> Summary {
     Summary { min, max, mean, nan_count, inf_count, histogram }
 }
 
-/// Share of voxels with a value above `threshold`, in [0,1]. A NaN is not above it.
+/// Share of voxels with a value above `threshold`, in 0 to 1. A NaN is not above it.
 pub fn active_fraction(volume: &Volume, threshold: f64) -> f64 {
     let (slope, intercept) = (volume.slope, volume.intercept);
     let active = for_each_type!(&volume.data, stored => {
@@ -62,7 +62,7 @@ pub fn active_fraction(volume: &Volume, threshold: f64) -> f64 {
 }
 
 impl Summary {
-    /// The value below which `percent` (in [0,100]) of the finite voxels lie, to within one bin's width.
+    /// The value below which `percent` (0 to 100) of the finite voxels lie, to within one bin's width.
     pub fn percentile(&self, percent: f64) -> f64 {
         let finite: u64 = self.histogram.iter().sum();
         let goal = percent.clamp(0.0, 100.0) / 100.0 * finite as f64;

@@ -16,7 +16,7 @@ pub(super) fn hash([x, y, z]: [u32; 3]) -> u32 {
     bijection(x ^ bijection(y ^ bijection(z ^ 0x9e37_79b9)))
 }
 
-/// A number in [0,1) from a hash's upper 24 bits, which f32 holds exactly.
+/// A number in 0 to below 1 from a hash's upper 24 bits, which f32 holds exactly.
 pub(super) fn unit(hash: u32) -> f32 {
     (hash >> 8) as f32 / (1 << 24) as f32
 }

@@ -1,7 +1,7 @@
 //! Procedural phantoms: volumes that need no file.
 //!
 //! Each is an implicit function of the position in a box, so that it is the same body at every size. Values lie in
-//! [0,1]; a voxel is *active* above [`ACTIVE`]. Bodies stand upright in LPS (z up) and face the front (−y).
+//! 0 to 1; a voxel is *active* above [`ACTIVE`]. Bodies stand upright in LPS (z up) and face the front (−y).
 
 mod field;
 mod heart;
@@ -22,7 +22,7 @@ const SCALE: f64 = 100.0;
 
 /// A function of the position in the phantom's own coordinates.
 trait Body: Sync {
-    /// The value in [0,1].
+    /// The value in 0 to 1.
     fn value(&self, p: Vec3) -> f32;
 
     /// True only if the value is 0 everywhere within `radius` of `p`. Saves most of the work on empty space.

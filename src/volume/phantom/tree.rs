@@ -18,7 +18,7 @@ const FIRST_LEAVES: u32 = 4;
 /// Chosen for a well-balanced crown.
 const SEED: u32 = 400;
 
-/// Numbers in [0,1), the same in every run.
+/// Numbers in 0 to below 1, the same in every run.
 struct Dice(u32);
 
 impl Dice {
