@@ -2,6 +2,19 @@
 //!
 //! World axes are the volume file's physical space, z up by default. Radiance is linear RGB (Rec. 709).
 
+pub mod camera;
+pub mod environment;
+pub mod file;
+mod overrides;
+mod paraview;
+pub mod presets;
+mod resolve;
+pub mod transfer;
+pub mod values;
+
+pub use overrides::{LightFlag, Overrides};
+pub use resolve::{load_scene, merge, resolve};
+
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
 

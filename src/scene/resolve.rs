@@ -1,0 +1,275 @@
+//! From layers to a scene: files are read, automatic values chosen, and what must fit together is checked.
+
+use super::camera::{self, Framing};
+use super::file::{CameraTable, RenderTable, TransferTable, ValueScale, VolumeTable};
+use super::file::{EnvironmentTable, LightTable, OpacityConvention, RawEndian, RawType, SceneFile};
+use super::overrides::Overrides;
+use super::values::Rgb;
+use super::{Background, Camera, Environment, Exposure, LatLong, Light, OpacityUnit, Sampling, Scene, Settings};
+use super::{ToneCurve, TransferFunction, TransferPoint, presets};
+use crate::volume::{self, Grid, RawLayout, ScalarType, Volume};
+use crate::{Error, Result};
+use glam::{DAffine3, DVec3, Vec3};
+use std::path::Path;
+
+/// What is rendered when nothing is named.
+const DEFAULT_SCENE: &str = include_str!("../../scenes/default.toml");
+
+/// Seed of `[volume] noise`: part of the volume, so the same whatever the picture's seed.
+const NOISE_SEED: u32 = 0;
+
+/// Reads a scene: the command line over the scene file over presets. Without a scene file and a volume it is the
+/// built-in default scene.
+///
+/// # Errors
+/// A file cannot be read, or a value is out of range; the error names the file and line, or the flag.
+pub fn load_scene(scene_file: Option<&Path>, overrides: &Overrides) -> Result<Scene> {
+    let command_line = overrides.layer()?;
+    let named = command_line.volume.file.is_some() || command_line.volume.phantom.is_some();
+    let file = match scene_file {
+        Some(path) => SceneFile::load(path)?,
+        None if named => SceneFile::default(),
+        None => SceneFile::parse(DEFAULT_SCENE, Path::new("default.toml"))?,
+    };
+    let layers = merge(command_line, file)?;
+    let volume = load_volume(&layers.volume, scene_file)?;
+    let mut scene = resolve(layers, volume)?;
+    scene.path = scene_file.map(Path::to_owned);
+    Ok(scene)
+}
+
+/// Lays `command_line` over `file`, each over the preset that it names, and checks the result. A scene that names none
+/// gets the phantom's own preset. At the bottom lies `ramp`, whose lights and background come in only if nothing above
+/// gives lights or an environment.
+pub fn merge(command_line: SceneFile, file: SceneFile) -> Result<SceneFile> {
+    let with_preset = |layer: SceneFile| match layer.preset.as_deref().and_then(presets::find) {
+        Some(preset) => layer.over(preset),
+        None => layer,
+    };
+    let mut layers = with_preset(command_line).over(with_preset(file));
+    if layers.preset.is_none() {
+        let own = layers.volume.phantom.as_ref().map(|name| format!("phantom-{name}"));
+        layers.preset = own.filter(|name| presets::names().any(|n| n == name));
+        layers = with_preset(layers);
+    }
+    let mut ramp = presets::find("ramp").expect("there is a preset 'ramp'");
+    if layers.light.is_some() || layers.environment.has_source() {
+        (ramp.light, ramp.environment, ramp.background) = (None, EnvironmentTable::default(), None);
+    }
+    let layers = layers.over(ramp);
+    layers.validate().map_err(|e| Error::input(format!("scene: field '{}'", e.field), e.problem, e.cure))?;
+    Ok(layers)
+}
+
+/// The volume that a `[volume]` table describes, in world axes with z up and its values' offset applied.
+fn load_volume(table: &VolumeTable, scene_file: Option<&Path>) -> Result<Volume> {
+    let mut volume = match (&table.file, &table.phantom) {
+        (Some(path), _) => {
+            if !path.exists() {
+                let cure = "give the volume's place with --volume FILE, or in the scene as [volume] file = \"...\"";
+                return Err(Error::file(path, "there is no such volume", cure));
+            }
+            volume::load(path, raw_layout(table)?.as_ref())?
+        }
+        (None, Some(name)) => volume::phantom::generate(name, table.size)?,
+        (None, None) => {
+            let what = scene_file.map_or("scene".into(), |p| p.display().to_string());
+            let cure = "give --volume FILE, or in the scene [volume] with a file or a phantom";
+            return Err(Error::input(what, "names no volume", cure));
+        }
+    };
+    if let Some(amplitude) = table.noise {
+        volume::phantom::add_noise(&mut volume, amplitude, NOISE_SEED);
+    }
+    volume.intercept += table.value_offset.unwrap_or(0.0);
+    if let Some(up) = table.up {
+        let grid = &mut volume.grid;
+        grid.index_to_world = DAffine3::from_mat3(up.to_z()) * grid.index_to_world;
+    }
+    Ok(volume)
+}
+
+fn raw_layout(table: &VolumeTable) -> Result<Option<RawLayout>> {
+    let Some(raw) = &table.raw else { return Ok(None) };
+    let missing = |field: &str, flag: &str, example: &str| {
+        let cure = format!("give {flag} {example}, or {field} in the scene's [volume] raw");
+        Error::input("raw volume", format!("its '{field}' is not known"), cure)
+    };
+    let scalar = match raw.r#type.ok_or_else(|| missing("type", "--raw-type", "u16"))? {
+        RawType::U8 => ScalarType::U8,
+        RawType::I8 => ScalarType::I8,
+        RawType::U16 => ScalarType::U16,
+        RawType::I16 => ScalarType::I16,
+        RawType::U32 => ScalarType::U32,
+        RawType::I32 => ScalarType::I32,
+        RawType::F32 => ScalarType::F32,
+        RawType::F64 => ScalarType::F64,
+    };
+    Ok(Some(RawLayout {
+        dims: raw.size.ok_or_else(|| missing("size", "--raw-size", "256x256x128"))?,
+        scalar,
+        big_endian: raw.endian == Some(RawEndian::Big),
+        spacing: raw.spacing.unwrap_or([1.0; 3]),
+        origin: [0.0; 3],
+        skip: raw.skip.unwrap_or(0),
+    }))
+}
+
+/// The scene that layers from [`merge`] describe, for a volume that is already loaded.
+pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
+    let settings = settings(&layers.render)?;
+    let transfer = transfer_function(layers.transfer, &volume)?;
+    let density_scale = layers.medium.density.unwrap_or(1.0);
+    let mean_spacing = volume.grid.mean_spacing();
+    let most = f64::from(transfer.max_extinction(mean_spacing)) * density_scale;
+    if !(most as f32).is_finite() {
+        let cure = "raise transfer.unit_distance, or lower the extinctions or medium.density (--density)";
+        return Err(Error::input("scene: extinction", format!("the greatest is {most} per unit"), cure));
+    }
+    let lights = layers.light.iter().flatten().enumerate();
+    let lights = lights.map(|(i, table)| light(table, i, &volume.grid)).collect::<Result<_>>()?;
+    Ok(Scene {
+        transfer,
+        g: layers.medium.g.unwrap_or(0.0) as f32,
+        albedo_scale: layers.medium.albedo.unwrap_or(Rgb([1.0; 3])).into(),
+        density_scale,
+        emission_scale: layers.medium.emission.unwrap_or(1.0) as f32,
+        lights,
+        environment: environment(&layers.environment)?,
+        camera: camera(&layers.camera, &volume.grid, settings.size)?,
+        background: layers.background.map_or(Background::Environment, |b| b.0),
+        settings,
+        exposure: layers.output.exposure.map_or(Exposure::Auto, |e| e.0),
+        tone: layers.output.tone.unwrap_or(ToneCurve::Filmic),
+        volume,
+        path: None,
+    })
+}
+
+fn settings(table: &RenderTable) -> Result<Settings> {
+    let default = Settings::default();
+    let step = |given: Option<f64>, default: f32| given.map_or(default, |s| s as f32);
+    let settings = Settings {
+        model: table.model.unwrap_or(default.model),
+        sampling: table.sampling.unwrap_or(default.sampling),
+        candidates: table.candidates.unwrap_or(default.candidates),
+        directions: table.directions.unwrap_or(default.directions),
+        orders: table.orders.unwrap_or(default.orders),
+        environment_directions: table.environment_directions.unwrap_or(default.environment_directions),
+        camera_step: step(table.camera_step, default.camera_step),
+        gather_step: step(table.gather_step, default.gather_step),
+        proxy_step: step(table.proxy_step, default.proxy_step),
+        defence: step(table.defence, default.defence),
+        mask: table.mask.map_or(default.mask, |m| m.0),
+        size: table.size.unwrap_or(default.size),
+        spp: table.spp.unwrap_or(default.spp),
+        seed: table.seed.unwrap_or(default.seed),
+    };
+    let (n, m) = (settings.directions, settings.candidates);
+    if settings.sampling != Sampling::Phase && n > m {
+        let problem = format!("{n} directions are more than the {m} candidates they are chosen from");
+        let cure = format!("raise candidates (--candidates {n}), lower directions, or choose sampling phase");
+        return Err(Error::input("scene: field 'render.directions'", problem, cure));
+    }
+    Ok(settings)
+}
+
+fn transfer_function(mut table: TransferTable, volume: &Volume) -> Result<TransferFunction> {
+    if let Some(path) = table.file.take() {
+        // The scene's window and level go over the file's.
+        table = table.over(TransferTable::load(&path)?);
+    }
+    let points = table.points.unwrap_or_default();
+    let points = points.iter().map(|p| TransferPoint {
+        value: p.value,
+        color: p.color.0,
+        opacity: p.opacity as f32,
+        emission: p.emission.unwrap_or(Rgb([0.0; 3])).0,
+    });
+    let opacity_unit = match table.convention {
+        Some(OpacityConvention::Extinction) => OpacityUnit::Extinction,
+        _ => OpacityUnit::PerDistance(table.unit_distance),
+    };
+    let mut transfer = TransferFunction { points: points.collect(), opacity_unit };
+    if table.scale == Some(ValueScale::Relative) {
+        transfer.make_absolute(volume);
+    }
+    if table.window.is_some() || table.level.is_some() {
+        transfer.window_level(table.window, table.level);
+    }
+    if let Some(p) = transfer.points.iter().find(|p| !(p.value as f32).is_finite()) {
+        let problem = format!("a point comes to the value {}", p.value);
+        return Err(Error::input("scene: transfer function", problem, "give a smaller window and level"));
+    }
+    Ok(transfer)
+}
+
+fn light(table: &LightTable, index: usize, grid: &Grid) -> Result<Light> {
+    let strength = table.strength.unwrap_or(1.0) as f32;
+    let irradiance = table.irradiance.map(|e| Vec3::from(e) * strength);
+    let (lo, hi) = grid.world_bounds();
+    let (centre, half) = (0.5 * (lo + hi), 0.5 * (hi - lo));
+    let position = match (table.position, table.relative_position) {
+        (Some(position), _) => DVec3::from(position),
+        (None, Some(relative)) => centre + DVec3::from(relative) * half,
+        (None, None) => {
+            let direction = match table.direction {
+                Some(direction) => DVec3::from(direction).normalize(),
+                None => -camera::towards(table.azimuth.unwrap_or(0.0), table.elevation.unwrap_or(0.0)),
+            };
+            return Ok(Light::Directional { direction, irradiance: irradiance.unwrap_or(Vec3::ZERO) });
+        }
+    };
+    let intensity = match (irradiance, table.intensity) {
+        (Some(irradiance), _) => irradiance * position.distance_squared(centre) as f32,
+        (None, intensity) => Vec3::from(intensity.unwrap_or(Rgb([0.0; 3]))) * strength,
+    };
+    if !intensity.is_finite() || (irradiance.is_some() && position == centre) {
+        let problem = "its intensity does not follow from its irradiance at the centre of the volume";
+        let cure = "give the point light's 'intensity' instead, or move it";
+        return Err(Error::input(format!("scene: field 'light.{index}'"), problem, cure));
+    }
+    Ok(Light::Point { position, intensity })
+}
+
+fn environment(table: &EnvironmentTable) -> Result<Option<Environment>> {
+    let strength = table.strength.unwrap_or(1.0) as f32;
+    if let Some(path) = &table.file {
+        let image = LatLong::load(path, strength, table.rotation.unwrap_or(0.0))?;
+        return Ok(Some(Environment::LatLong(image)));
+    }
+    let radiance = table.radiance.map_or(Vec3::ZERO, |r| Vec3::from(r) * strength);
+    if !radiance.is_finite() {
+        let problem = format!("radiance times strength is {radiance}");
+        return Err(Error::input("scene: field 'environment.strength'", problem, "lower the strength"));
+    }
+    Ok((radiance != Vec3::ZERO).then_some(Environment::Constant(radiance)))
+}
+
+fn camera(table: &CameraTable, grid: &Grid, size: [u32; 2]) -> Result<Camera> {
+    let default = Framing::default();
+    let fov = table.fov.unwrap_or(default.fov);
+    if let Some(position) = table.position {
+        let (lo, hi) = grid.world_bounds();
+        let position = DVec3::from(position);
+        let target = table.look_at.map_or(0.5 * (lo + hi), DVec3::from);
+        let sight = target - position;
+        if !(sight.length() > 0.0 && sight.length().is_finite()) {
+            let problem = format!("no line of sight leads from {position} to {target}");
+            return Err(Error::input("scene: field 'camera.look_at'", problem, "let it differ from 'position'"));
+        }
+        return Ok(camera::look_at(position, target, table.up.map_or(DVec3::Z, DVec3::from), fov));
+    }
+    if table.look_at.is_some() || table.up.is_some() {
+        let cure = "give the camera's 'position' too, or frame by azimuth and elevation";
+        return Err(Error::input("scene: field 'camera'", "has 'look_at' or 'up' but no 'position'", cure));
+    }
+    let framing = Framing {
+        azimuth: table.azimuth.unwrap_or(default.azimuth),
+        elevation: table.elevation.unwrap_or(default.elevation),
+        roll: table.roll.unwrap_or(default.roll),
+        zoom: table.zoom.unwrap_or(default.zoom),
+        fov,
+    };
+    Ok(camera::frame(grid, &framing, size))
+}

@@ -1,0 +1,240 @@
+//! Values that have a notation of their own, the same in scene files and on the command line.
+
+use super::{Background, Exposure};
+use glam::{DMat3, DVec3, Vec3};
+use serde::Deserialize;
+use std::str::FromStr;
+
+/// A linear RGB triple. Written as one number (grey), three numbers (linear), or "#rrggbb" (sRGB, made linear).
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "RgbNotation")]
+pub struct Rgb(pub [f32; 3]);
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a number, [r, g, b] or \"#rrggbb\"")]
+enum RgbNotation {
+    Grey(f64),
+    Linear([f64; 3]),
+    Text(String),
+}
+
+impl TryFrom<RgbNotation> for Rgb {
+    type Error = String;
+
+    fn try_from(notation: RgbNotation) -> Result<Self, String> {
+        match notation {
+            RgbNotation::Grey(v) => Ok(Self([v as f32; 3])),
+            RgbNotation::Linear(v) => Ok(Self(v.map(|c| c as f32))),
+            RgbNotation::Text(text) => text.parse(),
+        }
+    }
+}
+
+impl FromStr for Rgb {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let bad = || format!("'{text}' is no colour: write one number, r,g,b (linear) or #rrggbb (sRGB)");
+        if let Some(hex) = text.strip_prefix('#') {
+            if hex.len() != 6 || !hex.bytes().all(|b| b.is_ascii_hexdigit()) {
+                return Err(bad());
+            }
+            let rgb = u32::from_str_radix(hex, 16).map_err(|_| bad())?;
+            return Ok(Self([16, 8, 0].map(|shift| srgb_to_linear(f64::from(rgb >> shift & 0xFF) / 255.0) as f32)));
+        }
+        let numbers = numbers::<f32>(text, ',').ok_or_else(bad)?;
+        match numbers[..] {
+            [grey] => Ok(Self([grey; 3])),
+            [r, g, b] => Ok(Self([r, g, b])),
+            _ => Err(bad()),
+        }
+    }
+}
+
+impl From<Rgb> for Vec3 {
+    fn from(rgb: Rgb) -> Self {
+        Vec3::from(rgb.0)
+    }
+}
+
+/// The numbers of a list; `None` if one of them is not a number.
+pub fn numbers<T: FromStr>(text: &str, separator: char) -> Option<Vec<T>> {
+    text.split(separator).map(|n| n.trim().parse().ok()).collect()
+}
+
+/// IEC 61966-2-1: the linear value of an sRGB-encoded one in [0,1].
+pub fn srgb_to_linear(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// [`Background`] as it is written: "environment", "transparent", or a colour.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "RgbNotation")]
+pub struct BackgroundValue(pub Background);
+
+impl TryFrom<RgbNotation> for BackgroundValue {
+    type Error = String;
+
+    fn try_from(notation: RgbNotation) -> Result<Self, String> {
+        match notation {
+            RgbNotation::Text(text) => text.parse(),
+            other => Ok(Self(Background::Color(Rgb::try_from(other)?.into()))),
+        }
+    }
+}
+
+impl FromStr for BackgroundValue {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "environment" => Ok(Self(Background::Environment)),
+            "transparent" => Ok(Self(Background::Transparent)),
+            color => match color.parse::<Rgb>() {
+                Ok(rgb) => Ok(Self(Background::Color(rgb.into()))),
+                Err(_) => Err(format!("'{text}' is no background: write environment, transparent, #rrggbb or r,g,b")),
+            },
+        }
+    }
+}
+
+/// [`Exposure`] as it is written: "auto" or a number of stops.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "ExposureNotation")]
+pub struct ExposureValue(pub Exposure);
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected \"auto\" or a number of stops")]
+enum ExposureNotation {
+    Stops(f32),
+    Text(String),
+}
+
+impl TryFrom<ExposureNotation> for ExposureValue {
+    type Error = String;
+
+    fn try_from(notation: ExposureNotation) -> Result<Self, String> {
+        match notation {
+            ExposureNotation::Stops(stops) => Ok(Self(Exposure::Stops(stops))),
+            ExposureNotation::Text(text) => text.parse(),
+        }
+    }
+}
+
+impl FromStr for ExposureValue {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self(Exposure::Auto));
+        }
+        let stops = text.parse().map_err(|_| format!("'{text}' is no exposure: write auto or a number of stops"))?;
+        Ok(Self(Exposure::Stops(stops)))
+    }
+}
+
+/// The proxy's hash mask per channel (R, G, B, A). Each is a number of leading bits 0..8, or eight binary digits;
+/// one stands for all four channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "MaskNotation")]
+pub struct Mask(pub [u8; 4]);
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a number of bits, \"11110000\", or four of them")]
+enum MaskNotation {
+    Bits(u32),
+    Text(String),
+    Channels([ChannelNotation; 4]),
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a number of bits or \"11110000\"")]
+enum ChannelNotation {
+    Bits(u32),
+    Text(String),
+}
+
+impl TryFrom<MaskNotation> for Mask {
+    type Error = String;
+
+    fn try_from(notation: MaskNotation) -> Result<Self, String> {
+        match notation {
+            MaskNotation::Bits(bits) => bits.to_string().parse(),
+            MaskNotation::Text(text) => text.parse(),
+            MaskNotation::Channels(channels) => {
+                let texts = channels.map(|c| match c {
+                    ChannelNotation::Bits(bits) => bits.to_string(),
+                    ChannelNotation::Text(text) => text,
+                });
+                texts.join(",").parse()
+            }
+        }
+    }
+}
+
+impl FromStr for Mask {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let bad =
+            || format!("'{text}' is no mask: write 0 to 8 (leading bits) or eight binary digits, once or 4 times");
+        let channel = |text: &str| {
+            if text.len() == 8 {
+                return u8::from_str_radix(text, 2).ok().filter(|_| !text.starts_with('+'));
+            }
+            let bits: u32 = text.parse().ok().filter(|&b| b <= 8)?;
+            Some((0xFF00u32 >> bits) as u8)
+        };
+        let channels: Option<Vec<u8>> = text.split(',').map(|c| channel(c.trim())).collect();
+        match channels.ok_or_else(bad)?[..] {
+            [one] => Ok(Self([one; 4])),
+            [r, g, b, a] => Ok(Self([r, g, b, a])),
+            _ => Err(bad()),
+        }
+    }
+}
+
+/// An axis of the file's physical space that is to point upwards in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+pub enum UpAxis {
+    /// +x
+    #[serde(rename = "x")]
+    #[value(name = "x")]
+    X,
+    /// −x
+    #[serde(rename = "-x")]
+    #[value(name = "-x")]
+    MinusX,
+    /// +y
+    #[serde(rename = "y")]
+    #[value(name = "y")]
+    Y,
+    /// −y
+    #[serde(rename = "-y")]
+    #[value(name = "-y")]
+    MinusY,
+    /// +z
+    #[serde(rename = "z")]
+    #[value(name = "z")]
+    Z,
+    /// −z
+    #[serde(rename = "-z")]
+    #[value(name = "-z")]
+    MinusZ,
+}
+
+impl UpAxis {
+    /// The rotation that takes this axis to the world's +z. It never mirrors.
+    pub fn to_z(self) -> DMat3 {
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        let columns = match self {
+            UpAxis::X => [z, y, -x],
+            UpAxis::MinusX => [-z, y, x],
+            UpAxis::Y => [x, z, -y],
+            UpAxis::MinusY => [x, -z, y],
+            UpAxis::Z => [x, y, z],
+            UpAxis::MinusZ => [x, -y, -z],
+        };
+        DMat3::from_cols(columns[0], columns[1], columns[2])
+    }
+}
