@@ -19,7 +19,7 @@ const NEAREST: f64 = 0.1;
 pub struct Framing {
     /// Where the eye is, see the module. Degrees.
     pub azimuth: f64,
-    /// Height of the eye above the horizon, degrees in [−90, 90].
+    /// Height of the eye above the horizon, degrees in −90 to 90.
     pub elevation: f64,
     /// Turns the camera clockwise about its line of sight (the picture turns the other way), degrees.
     pub roll: f64,

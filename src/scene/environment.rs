@@ -43,7 +43,7 @@ fn from_uv(u: f64, cos_polar: f64) -> DVec3 {
     DVec3::new(sin_polar * s, sin_polar * c, cos_polar)
 }
 
-/// Unit direction, before rotation, to (u, v) in [0,1]: u along the columns, v = polar angle / π.
+/// Unit direction, before rotation, to (u, v) from 0 to 1: u along the columns, v = polar angle / π.
 fn to_uv(d: DVec3) -> (f64, f64) {
     ((d.x.atan2(d.y) / TAU + 0.5).clamp(0.0, 1.0), d.z.clamp(-1.0, 1.0).acos() / PI)
 }

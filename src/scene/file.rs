@@ -148,9 +148,9 @@ table! {
 pub struct PointTable {
     /// Scalar value, see [`ValueScale`].
     pub value: f64,
-    /// Albedo (or emitted colour), in [0,1].
+    /// Albedo (or emitted colour), from 0 to 1.
     pub color: Rgb,
-    /// Opacity in [0,1], or extinction [1/unit].
+    /// Opacity from 0 to 1, or extinction [1/unit].
     pub opacity: f64,
     /// Emitted radiance L_e, default 0.
     pub emission: Option<Rgb>,
@@ -181,7 +181,7 @@ table! {
     MediumTable {
         /// Henyey-Greenstein mean cosine in (−1, 1); default 0, isotropic.
         g: f64,
-        /// Multiplies the transfer function's colour to give the albedo, in [0,1]; default 1.
+        /// Multiplies the transfer function's colour to give the albedo, from 0 to 1; default 1.
         albedo: Rgb,
         /// Multiplies every extinction, ≥ 0; default 1.
         density: f64,
@@ -233,7 +233,7 @@ table! {
     CameraTable {
         /// Where the eye is: 0 = in front (−y), 90 = at +x (the patient's left); default 0.
         azimuth: f64,
-        /// Height above the horizon in [−90, 90]; default 0.
+        /// Height above the horizon in −90 to 90; default 0.
         elevation: f64,
         /// Turns the camera clockwise; default 0.
         roll: f64,

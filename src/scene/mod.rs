@@ -58,9 +58,9 @@ pub enum OpacityUnit {
 pub struct TransferPoint {
     /// Scalar value in the volume's own unit.
     pub value: f64,
-    /// Albedo per channel (`single`, `multiple`) or emitted colour (`absorption`, `phong`), linear RGB in [0,1].
+    /// Albedo per channel (`single`, `multiple`) or emitted colour (`absorption`, `phong`), linear RGB from 0 to 1.
     pub color: [f32; 3],
-    /// Opacity in [0,1] or extinction ≥ 0, see [`OpacityUnit`].
+    /// Opacity from 0 to 1 or extinction ≥ 0, see [`OpacityUnit`].
     pub opacity: f32,
     /// L_e, the emitted radiance of the medium in thermal equilibrium (the source is σ_a L_e), linear RGB ≥ 0.
     pub emission: [f32; 3],
@@ -224,7 +224,7 @@ pub struct Scene {
     pub transfer: TransferFunction,
     /// Henyey-Greenstein mean cosine in (−1, 1).
     pub g: f32,
-    /// Multiplies the transfer function's colour to give the albedo, per channel, in [0,1].
+    /// Multiplies the transfer function's colour to give the albedo, per channel, from 0 to 1.
     pub albedo_scale: Vec3,
     /// Multiplies every extinction.
     pub density_scale: f64,

@@ -11,7 +11,7 @@ use std::str::FromStr;
 /// Scene flags. Each one covers the scene file's field of the same meaning.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Overrides {
-    /// Volume file (.nrrd .nhdr .mha .mhd .nii .nii.gz, or raw with the --raw flags), or phantom:NAME[:XxYxZ]
+    /// Volume file (.nrrd .nhdr .mha .mhd .nii .nii.gz, or raw with the --raw flags), or phantom:NAME or phantom:NAME:XxYxZ
     #[arg(long, value_name = "FILE", help_heading = "Volume")]
     pub volume: Option<PathBuf>,
     /// Voxels of a raw file along x, y, z (x fastest)

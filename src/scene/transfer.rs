@@ -9,7 +9,7 @@ pub const MAX_OPACITY: f64 = 1.0 - 1.0 / 65536.0;
 /// What a transfer function says about one scalar, before the scene's albedo, density and emission scales.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Classified {
-    /// Albedo or emitted colour, linear RGB in [0,1].
+    /// Albedo or emitted colour, linear RGB from 0 to 1.
     pub color: [f32; 3],
     /// σ_t in 1/unit.
     pub extinction: f32,

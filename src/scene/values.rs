@@ -62,7 +62,7 @@ pub fn numbers<T: FromStr>(text: &str, separator: char) -> Option<Vec<T>> {
     text.split(separator).map(|n| n.trim().parse().ok()).collect()
 }
 
-/// IEC 61966-2-1: the linear value of an sRGB-encoded one in [0,1].
+/// IEC 61966-2-1: the linear value of an sRGB-encoded one from 0 to 1.
 pub fn srgb_to_linear(encoded: f64) -> f64 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
