@@ -1,9 +1,11 @@
 //! Tyndall: headless volume rendering with physically based multiple scattering on raw Vulkan compute.
 
 pub mod abi;
+pub mod cli;
 pub mod error;
 pub mod measure;
 pub mod output;
+pub mod render;
 pub mod scene;
 pub mod shaders;
 pub mod stats;

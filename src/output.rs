@@ -12,6 +12,7 @@ use image::codecs::openexr::OpenExrEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader};
 
+use crate::scene::values::srgb_to_linear;
 use crate::scene::{Exposure, ToneCurve};
 use crate::{Error, Result};
 
@@ -270,11 +271,6 @@ fn srgb_encode(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Inverse of [`srgb_encode`].
-fn srgb_decode(encoded: f64) -> f64 {
-    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
 /// Contrast of the filmic curve at the dark end, in the log-log sense.
 const FILMIC_CONTRAST: f64 = 1.25;
 /// The luminance that the filmic curve leaves unchanged: photographic mid-grey.
@@ -372,7 +368,7 @@ fn from_decoded(decoded: DynamicImage) -> Picture {
     let decoded = decoded.into_rgba32f();
     let linear = |p: &[f32; 4]| {
         let [r, g, b, a] = p.map(f64::from);
-        [srgb_decode(r) * a, srgb_decode(g) * a, srgb_decode(b) * a, a].map(|v| v as f32)
+        [srgb_to_linear(r) * a, srgb_to_linear(g) * a, srgb_to_linear(b) * a, a].map(|v| v as f32)
     };
     let pixels = bytemuck::cast_slice::<f32, [f32; 4]>(decoded.as_raw());
     let pixels = if float { pixels.to_vec() } else { pixels.iter().map(linear).collect() };
@@ -386,11 +382,11 @@ mod tests {
     #[test]
     fn srgb_matches_the_standard() {
         // IEC 61966-2-1: 8-bit code 188 is about half the light, code 55 about 3.8 %.
-        assert!((srgb_decode(188.0 / 255.0) - 0.502_886).abs() < 1e-6);
-        assert!((srgb_decode(55.0 / 255.0) - 0.038_204).abs() < 1e-6);
+        assert!((srgb_to_linear(188.0 / 255.0) - 0.502_886).abs() < 1e-6);
+        assert!((srgb_to_linear(55.0 / 255.0) - 0.038_204).abs() < 1e-6);
         for i in 0..=1000 {
             let x = f64::from(i) / 1000.0;
-            assert!((srgb_decode(srgb_encode(x)) - x).abs() < 1e-6, "{x}");
+            assert!((srgb_to_linear(srgb_encode(x)) - x).abs() < 1e-6, "{x}");
         }
     }
 
@@ -454,8 +450,8 @@ mod tests {
     fn alpha_is_straight_in_a_png() {
         let display = Display::new(0.0, ToneCurve::Linear);
         let encoded = display.encode([0.25, 0.125, 0.0, 0.5]);
-        assert!((srgb_decode(encoded[0]) - 0.5).abs() < 1e-6);
-        assert!((srgb_decode(encoded[1]) - 0.25).abs() < 1e-6);
+        assert!((srgb_to_linear(encoded[0]) - 0.5).abs() < 1e-6);
+        assert!((srgb_to_linear(encoded[1]) - 0.25).abs() < 1e-6);
         assert_eq!(encoded[3], 0.5);
         assert_eq!(display.encode([0.0; 4]), [0.0; 4]);
         let clipped = display.encode([-1.0, 0.0, 2.0, 1.0]);
@@ -465,11 +461,11 @@ mod tests {
 
     #[test]
     fn dither_keeps_exact_values_and_the_mean_of_others() {
-        let exact = Picture::filled(64, 64, [srgb_decode(100.0 / 255.0) as f32, 0.0, 1.0, 1.0]);
+        let exact = Picture::filled(64, 64, [srgb_to_linear(100.0 / 255.0) as f32, 0.0, 1.0, 1.0]);
         let values = to_8_bit(&exact, 0.0, ToneCurve::Linear);
         assert!(values.chunks(4).all(|p| p == [100, 0, 255, 255]));
 
-        let between = Picture::filled(64, 64, [srgb_decode(100.3 / 255.0) as f32, 0.0, 1.0, 1.0]);
+        let between = Picture::filled(64, 64, [srgb_to_linear(100.3 / 255.0) as f32, 0.0, 1.0, 1.0]);
         let values = to_8_bit(&between, 0.0, ToneCurve::Linear);
         let mean = values.chunks(4).map(|p| f64::from(p[0])).sum::<f64>() / 4096.0;
         assert!((mean - 100.3).abs() < 0.01, "{mean}");

@@ -12,7 +12,7 @@ mod resolve;
 pub mod transfer;
 pub mod values;
 
-pub use overrides::{LightFlag, Overrides};
+pub use overrides::{LightFlag, Overrides, RawFlags};
 pub use resolve::{load_scene, merge, resolve};
 
 use glam::{DVec3, Vec3};

@@ -3,6 +3,7 @@
 use super::file::{LightTable, RawEndian, RawTable, RawType, SceneFile};
 use super::values::{BackgroundValue, ExposureValue, Mask, Rgb, UpAxis, numbers};
 use super::{Model, Sampling, ToneCurve, presets};
+use crate::volume::RawLayout;
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use std::path::{Path, PathBuf};
@@ -14,21 +15,9 @@ pub struct Overrides {
     /// Volume file (.nrrd .nhdr .mha .mhd .nii .nii.gz, or raw with the --raw flags), or phantom:NAME or phantom:NAME:XxYxZ
     #[arg(long, value_name = "FILE", help_heading = "Volume")]
     pub volume: Option<PathBuf>,
-    /// Voxels of a raw file along x, y, z (x fastest)
-    #[arg(long, value_name = "XxYxZ", value_parser = triple::<u32>, help_heading = "Volume")]
-    pub raw_size: Option<[u32; 3]>,
-    /// Scalar type of a raw file
-    #[arg(long, value_name = "TYPE", help_heading = "Volume")]
-    pub raw_type: Option<RawType>,
-    /// Byte order of a raw file [default: little]
-    #[arg(long, value_name = "ORDER", help_heading = "Volume")]
-    pub raw_endian: Option<RawEndian>,
-    /// Voxel spacing of a raw file along x, y, z, in world units [default: 1x1x1]
-    #[arg(long, value_name = "XxYxZ", value_parser = triple::<f64>, help_heading = "Volume")]
-    pub raw_spacing: Option<[f64; 3]>,
-    /// Bytes to skip at the start of a raw file [default: 0]
-    #[arg(long, value_name = "BYTES", help_heading = "Volume")]
-    pub raw_skip: Option<u64>,
+    /// Layout of a raw file.
+    #[command(flatten)]
+    pub raw: RawFlags,
     /// Added to every value, e.g. -1024 for a CT stored without its offset to Hounsfield units [default: 0]
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true, help_heading = "Volume")]
     pub value_offset: Option<f64>,
@@ -134,6 +123,50 @@ pub struct Overrides {
     pub tone: Option<ToneCurve>,
 }
 
+/// Flags that say how a file without a header is laid out.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct RawFlags {
+    /// Voxels of a raw file along x, y, z (x fastest)
+    #[arg(long, value_name = "XxYxZ", value_parser = triple::<u32>, help_heading = "Volume")]
+    pub raw_size: Option<[u32; 3]>,
+    /// Scalar type of a raw file
+    #[arg(long, value_name = "TYPE", help_heading = "Volume")]
+    pub raw_type: Option<RawType>,
+    /// Byte order of a raw file [default: little]
+    #[arg(long, value_name = "ORDER", help_heading = "Volume")]
+    pub raw_endian: Option<RawEndian>,
+    /// Voxel spacing of a raw file along x, y, z, in world units [default: 1x1x1]
+    #[arg(long, value_name = "XxYxZ", value_parser = triple::<f64>, help_heading = "Volume")]
+    pub raw_spacing: Option<[f64; 3]>,
+    /// Bytes to skip at the start of a raw file [default: 0]
+    #[arg(long, value_name = "BYTES", help_heading = "Volume")]
+    pub raw_skip: Option<u64>,
+}
+
+impl RawFlags {
+    fn table(&self) -> Option<RawTable> {
+        let raw = RawTable {
+            size: self.raw_size,
+            r#type: self.raw_type,
+            endian: self.raw_endian,
+            spacing: self.raw_spacing,
+            skip: self.raw_skip,
+        };
+        (raw != RawTable::default()).then_some(raw)
+    }
+
+    /// The layout, if any of the flags is given.
+    ///
+    /// # Errors
+    /// A value out of range, or size or type not given; names the flag.
+    pub fn layout(&self) -> Result<Option<RawLayout>> {
+        let mut layer = SceneFile::default();
+        layer.volume.raw = self.table();
+        check(&layer)?;
+        super::resolve::raw_layout(&layer.volume)
+    }
+}
+
 /// One `--light`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LightFlag {
@@ -205,14 +238,7 @@ impl Overrides {
             }
             None => layer.volume.file = self.volume.clone(),
         }
-        let raw = RawTable {
-            size: self.raw_size,
-            r#type: self.raw_type,
-            endian: self.raw_endian,
-            spacing: self.raw_spacing,
-            skip: self.raw_skip,
-        };
-        layer.volume.raw = (raw != RawTable::default()).then_some(raw);
+        layer.volume.raw = self.raw.table();
         layer.volume.value_offset = self.value_offset;
         layer.volume.up = self.up;
 
@@ -257,7 +283,7 @@ impl Overrides {
         layer.output.exposure = self.exposure;
         layer.output.tone = self.tone;
 
-        layer.validate().map_err(|e| Error::usage(flag_of(&e.field), e.problem, e.cure))?;
+        check(&layer)?;
         Ok(layer)
     }
 
@@ -271,6 +297,11 @@ impl Overrides {
         });
         Ok((!self.light.is_empty()).then(|| lights.collect()))
     }
+}
+
+/// Checks the ranges of a layer of flags.
+fn check(layer: &SceneFile) -> Result<()> {
+    layer.validate().map_err(|e| Error::usage(flag_of(&e.field), e.problem, e.cure))
 }
 
 /// The flag that sets a field of the scene file.

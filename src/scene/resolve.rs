@@ -89,7 +89,8 @@ fn load_volume(table: &VolumeTable, scene_file: Option<&Path>) -> Result<Volume>
     Ok(volume)
 }
 
-fn raw_layout(table: &VolumeTable) -> Result<Option<RawLayout>> {
+/// The layout of a raw file as far as the table tells; `None` without a table.
+pub(super) fn raw_layout(table: &VolumeTable) -> Result<Option<RawLayout>> {
     let Some(raw) = &table.raw else { return Ok(None) };
     let missing = |field: &str, flag: &str, example: &str| {
         let cure = format!("give {flag} {example}, or {field} in the scene's [volume] raw");

@@ -1,0 +1,85 @@
+//! The command line: one file per command. A command returns what goes to stdout; `main` prints it.
+
+pub mod compare;
+pub mod devices;
+pub mod inspect;
+pub mod render;
+
+use crate::Result;
+use crate::vk::{ContextConfig, Validation};
+
+/// Headless volume renderer with physically based multiple scattering.
+///
+/// Results go to stdout, errors and progress to stderr. Exit code 0 = done, 1 = failed, 2 = wrong usage.
+#[derive(clap::Parser, Debug)]
+#[command(name = "tyndall", version, max_term_width = 110)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum Command {
+    Render(Box<render::Args>),
+    Inspect(inspect::Args),
+    Compare(compare::Args),
+    Devices(devices::Args),
+}
+
+impl Cli {
+    /// Runs the command and returns the text for stdout.
+    pub fn run(&self) -> Result<String> {
+        match &self.command {
+            Command::Render(args) => render::run(args),
+            Command::Inspect(args) => inspect::run(args),
+            Command::Compare(args) => compare::run(args),
+            Command::Devices(args) => devices::run(args),
+        }
+    }
+}
+
+/// Flags of every command that computes on a device.
+#[derive(clap::Args, Debug)]
+#[command(next_help_heading = "Device")]
+pub struct DeviceArgs {
+    /// Vulkan device: its index in `tyndall devices`, or part of its name [default: the first real GPU, else the CPU].
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+
+    /// Turn on the Vulkan validation layer; any message makes the exit code 1. Alone, it means `core` (with
+    /// synchronization validation).
+    #[arg(
+        long,
+        value_name = "KIND",
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "off",
+        default_missing_value = "core",
+        hide_default_value = true
+    )]
+    pub validate: Validation,
+}
+
+impl DeviceArgs {
+    /// What the device layer is asked for.
+    pub fn config(&self) -> ContextConfig {
+        ContextConfig { device: self.device.clone(), validation: self.validate }
+    }
+}
+
+/// The text that `write` writes.
+fn in_string(write: impl FnOnce(&mut String) -> std::fmt::Result) -> String {
+    let mut text = String::new();
+    write(&mut text).expect("writing to a String cannot fail");
+    text
+}
+
+/// `256x256x108`.
+fn times<T: ToString>(sizes: &[T]) -> String {
+    sizes.iter().map(T::to_string).collect::<Vec<_>>().join("x")
+}
+
+/// The name that a value has on the command line.
+fn name_of(value: &impl clap::ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
+}

@@ -1,0 +1,139 @@
+//! `tyndall render`: one picture.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{DeviceArgs, name_of, times};
+use crate::output::{self, BitDepth, PngOptions};
+use crate::render::{Progress, render};
+use crate::scene::{self, Model, Sampling, Scene};
+use crate::stats::Stats;
+use crate::vk::Context;
+use crate::{Error, Result};
+
+/// Render one picture. Without arguments: the embedded phantom, to tyndall.png.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Scene file (TOML); flags override what it says.
+    #[arg(value_name = "SCENE.toml")]
+    scene: Option<PathBuf>,
+
+    #[command(flatten)]
+    overrides: scene::Overrides,
+
+    /// Picture to write: .png (exposed, tone-mapped, sRGB) or .exr (32-bit float, linear radiance).
+    #[arg(short, long, value_name = "FILE", default_value = "tyndall.png", help_heading = "Output")]
+    output: PathBuf,
+
+    /// Bits per channel of a PNG.
+    #[arg(long, value_name = "BITS", default_value = "8", help_heading = "Output")]
+    bits: BitDepth,
+
+    /// Write times and figures of the run to a JSON file.
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    stats: Option<PathBuf>,
+
+    /// Print times and figures of the run as JSON instead of text.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+
+    /// No progress bar, nothing on stdout.
+    #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
+    quiet: bool,
+
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Runs the command. Everything that can be refused is refused before the device starts to work.
+pub fn run(args: &Args) -> Result<String> {
+    output::check_picture_path(&args.output)?;
+    if let Some(path) = &args.stats {
+        output::check_writable(path)?;
+    }
+    let scene = scene::load_scene(args.scene.as_deref(), &args.overrides)?;
+    let ctx = Context::new(&args.device.config())?;
+
+    let bar = progress_bar(args.quiet);
+    let (picture, stats) = render(&ctx, &scene, &mut |progress| show(&bar, &progress))?;
+    bar.finish_and_clear();
+
+    // The figures count the messages, so they are written even when validation fails; the picture is not.
+    if let Some(path) = &args.stats {
+        stats.write(path)?;
+    }
+    let messages = ctx.messages();
+    if let Some(first) = messages.first() {
+        return Err(Error::Validation { count: messages.len(), first: first.to_string() });
+    }
+    let png = PngOptions { bits: args.bits, exposure: scene.exposure, tone: scene.tone };
+    let stops = output::write_picture(&args.output, &picture, &png)?;
+
+    if args.json {
+        return Ok(stats.to_json());
+    }
+    Ok(if args.quiet { String::new() } else { report(args, &scene, &stats, stops) })
+}
+
+/// Steps of the progress bar.
+const BAR_STEPS: u64 = 1000;
+
+/// A bar on stderr; hidden where stderr is not a terminal.
+fn progress_bar(quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{msg:18} [{bar:40}] {percent:>3} %  {eta} left")
+        .expect("the template is a constant and valid")
+        .progress_chars("=> ");
+    ProgressBar::new(BAR_STEPS).with_style(style)
+}
+
+fn show(bar: &ProgressBar, progress: &Progress) -> ControlFlow<()> {
+    bar.set_message(progress.phase);
+    bar.set_position((progress.done * BAR_STEPS as f64) as u64);
+    ControlFlow::Continue(())
+}
+
+fn report(args: &Args, scene: &Scene, stats: &Stats, stops: Option<f32>) -> String {
+    let exposure = stops.map_or_else(String::new, |s| format!(", exposure {s:+.2} stops"));
+    let output = args.output.display();
+    format!("{}\n{}wrote {output}{exposure}\n", settings_line(scene, stats), stats.table())
+}
+
+/// What was rendered, with what, on what.
+fn settings_line(scene: &Scene, stats: &Stats) -> String {
+    let s = &scene.settings;
+    let method = match s.model {
+        Model::Multiple => {
+            let pool = if s.sampling == Sampling::Phase { String::new() } else { format!(" of {}", s.candidates) };
+            let orders = s.orders;
+            format!("multiple, orders {orders}, {} {}{pool} directions", name_of(&s.sampling), s.directions)
+        }
+        model => name_of(&model),
+    };
+    format!(
+        "{} {}, {:.1} % active; {method}; {}, {} spp, seed {}; on {}",
+        scene.volume.name,
+        times(&scene.volume.grid.dims),
+        100.0 * stats.volume.active_fraction,
+        times(&s.size),
+        s.spp,
+        s.seed,
+        stats.device.name
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_moves_the_bar() {
+        let bar = progress_bar(false);
+        assert!(show(&bar, &Progress { done: 0.25, phase: "gather" }).is_continue());
+        assert_eq!((bar.position(), bar.message().as_str()), (BAR_STEPS / 4, "gather"));
+    }
+}
