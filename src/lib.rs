@@ -2,9 +2,11 @@
 
 pub mod abi;
 pub mod cli;
+pub mod cpu;
 pub mod error;
 pub mod measure;
 pub mod output;
+pub mod passes;
 pub mod render;
 pub mod scene;
 pub mod shaders;

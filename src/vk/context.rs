@@ -56,6 +56,7 @@ pub(super) struct DeviceShared {
     pub(super) samplers: [vk::Sampler; 2],
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) limits: vk::PhysicalDeviceLimits,
+    min_subgroup_size: u32,
     pub(super) max_subgroup_size: u32,
     pub(super) has_timestamps: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
@@ -276,6 +277,7 @@ impl Instance {
 struct Probe {
     info: DeviceInfo,
     limits: vk::PhysicalDeviceLimits,
+    min_subgroup_size: u32,
     max_subgroup_size: u32,
     max_allocation: u64,
     queue_family: u32,
@@ -395,6 +397,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
     Probe {
         info,
         limits: l,
+        min_subgroup_size: if v13.min_subgroup_size == 0 { v11.subgroup_size } else { v13.min_subgroup_size },
         max_subgroup_size: if v13.max_subgroup_size == 0 { v11.subgroup_size } else { v13.max_subgroup_size },
         max_allocation: v11.max_memory_allocation_size,
         queue_family: family as u32,
@@ -515,6 +518,7 @@ impl Context {
             samplers,
             pipeline_cache,
             limits: probe.limits,
+            min_subgroup_size: probe.min_subgroup_size,
             max_subgroup_size: probe.max_subgroup_size,
             has_timestamps: probe.timestamp_bits > 0 && probe.limits.timestamp_period > 0.0,
             debug,
@@ -553,6 +557,11 @@ impl Context {
     /// Largest number of bytes that one storage binding may cover.
     pub fn max_storage_bytes(&self) -> u64 {
         u64::from(self.shared.limits.max_storage_buffer_range)
+    }
+
+    /// Fewest invocations that a subgroup of any shader may have.
+    pub fn min_subgroup_size(&self) -> u32 {
+        self.shared.min_subgroup_size
     }
 
     /// Largest number of workgroups along x.

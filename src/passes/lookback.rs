@@ -1,0 +1,200 @@
+//! Host side of the single-pass kernels (`glsl/include/tile_status.glsl`, `lookback.glsl`): counts that live on the
+//! host or on the GPU, grids, status memory, and what the kernels report.
+
+use crate::abi::DispatchArgsPush;
+use crate::shaders::{self, constants};
+use crate::vk::{Access, Bind, Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
+use bytemuck::Pod;
+
+/// Largest count of items: look-back words keep 30 bits.
+pub const MAX_ITEMS: u32 = (1 << 30) - 1;
+
+/// How many items a pass works on.
+#[derive(Clone, Copy)]
+pub enum Count<'a> {
+    /// Known to the host.
+    Host(u32),
+    /// Written by a kernel: element `offset` of `buffer`. More than the capacity is an error of the pass's
+    /// [`Diagnostics`].
+    Gpu {
+        /// Holds the count.
+        buffer: &'a Buffer<u32>,
+        /// Element of `buffer`.
+        offset: u32,
+    },
+}
+
+impl Count<'_> {
+    /// What the kernels get as push constant.
+    pub(super) fn pushed(&self) -> u32 {
+        match *self {
+            Count::Host(n) => n,
+            Count::Gpu { .. } => constants::COUNT_ON_DEVICE,
+        }
+    }
+}
+
+/// Checks a capacity before anything is allocated for it.
+pub(super) fn check_capacity(pass: &str, capacity: u32) -> Result<()> {
+    if capacity > MAX_ITEMS {
+        return Err(Error::input(
+            pass,
+            format!("{capacity} items, but a look-back word counts up to {MAX_ITEMS}"),
+            "use a smaller volume or a coarser mask",
+        ));
+    }
+    Ok(())
+}
+
+/// Workgroups along x and y for `tiles` tiles: at least one per tile, few more. Twin of `dispatch_args.comp`.
+pub fn grid(tiles: u32) -> [u32; 3] {
+    let width = tiles.min(constants::MAX_GRID);
+    [width, if width == 0 { 1 } else { tiles.div_ceil(width) }, 1]
+}
+
+/// Runs a kernel with one workgroup per tile of `tile_items` items; for a count on the GPU by the arguments that
+/// [`DispatchArgs::record`] wrote to `args` at element `offset`.
+pub(super) fn dispatch_tiles<P: Pod>(
+    rec: &mut Recorder,
+    pipeline: &Pipeline,
+    binds: &[(&str, Bind<'_>)],
+    push: &P,
+    count: Count<'_>,
+    tile_items: u32,
+    (args, offset): (&Buffer<u32>, usize),
+) {
+    match count {
+        Count::Host(n) => rec.dispatch(pipeline, binds, push, grid(n.div_ceil(tile_items))),
+        Count::Gpu { .. } => rec.dispatch_indirect(pipeline, binds, push, args, offset),
+    }
+}
+
+/// Words of `status` that a kernel with `lookback.glsl` needs for `tiles` tiles.
+pub fn status_words(tiles: u32) -> usize {
+    constants::LOOKBACK_HEAD as usize + 2 * tiles as usize
+}
+
+/// What kernels with look-back report, added up since the last [`Diagnostics::clear`].
+pub struct Diagnostics {
+    buffer: Buffer<u32>,
+}
+
+/// Contents of [`Diagnostics`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Report {
+    /// Polls that found a predecessor's status missing.
+    pub spins: u32,
+    /// Tiles that were computed in place of a predecessor that did not come forth.
+    pub fallbacks: u32,
+    /// `ERROR_*` bits of `constants.glsl`.
+    pub errors: u32,
+}
+
+impl Diagnostics {
+    /// Zeroed counters.
+    pub fn new(ctx: &Context) -> Result<Self> {
+        Ok(Self { buffer: ctx.upload("lookback.diagnostics", &[0u32; constants::DIAGNOSTICS_WORDS as usize])? })
+    }
+
+    /// The buffer that kernels bind as `diagnostics`.
+    pub fn buffer(&self) -> &Buffer<u32> {
+        &self.buffer
+    }
+
+    /// Forgets what was reported. Access: [`Access::TransferWrite`], ordered after and before all compute accesses.
+    pub fn clear(&self, rec: &mut Recorder) {
+        rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+        rec.fill(&self.buffer, 0);
+        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+    }
+
+    /// The counters, after the submission has finished.
+    pub fn read(&self, ctx: &Context) -> Result<Report> {
+        let words = ctx.read_back(&self.buffer)?;
+        Ok(Report {
+            spins: words[constants::DIAGNOSTICS_SPINS as usize],
+            fallbacks: words[constants::DIAGNOSTICS_FALLBACKS as usize],
+            errors: words[constants::DIAGNOSTICS_ERRORS as usize],
+        })
+    }
+
+    /// The counters, or an error that names `pass` if a kernel reported that its result cannot be trusted.
+    pub fn check(&self, ctx: &Context, pass: &'static str) -> Result<Report> {
+        let report = self.read(ctx)?;
+        let problems: Vec<&str> = [
+            (constants::ERROR_BUDGET, "look-back ran out of its loop budget"),
+            (constants::ERROR_COUNT, "a count exceeds the capacity that was allocated for it"),
+            (constants::ERROR_SUBGROUPS, "subgroups are not full or smaller than the device promised"),
+        ]
+        .into_iter()
+        .filter_map(|(bit, text)| (report.errors & bit != 0).then_some(text))
+        .collect();
+        if report.errors == 0 { Ok(report) } else { Err(Error::Device { pass, problem: problems.join("; ") }) }
+    }
+}
+
+/// Indirect dispatch arguments from a count on the GPU (`dispatch_args.comp`).
+pub struct DispatchArgs {
+    pipeline: Pipeline,
+}
+
+impl DispatchArgs {
+    /// Makes the pipeline.
+    pub fn new(ctx: &Context) -> Result<Self> {
+        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::DISPATCH_ARGS, &[])? })
+    }
+
+    /// Room for the arguments.
+    pub fn buffer(ctx: &Context, name: &str) -> Result<Buffer<u32>> {
+        ctx.device_buffer(name, constants::ARGS_WORDS as usize)
+    }
+
+    /// Writes into `args`, made by [`DispatchArgs::buffer`], the arguments for tiles of `tile_items[0]` items at
+    /// element 0 and of `tile_items[1]` at element 4, and the count, at most `capacity`, at `constants::ARGS_COUNT`.
+    ///
+    /// Starts by ordering earlier reads of `args`, and all compute accesses; ends by ordering its writes before
+    /// [`Access::IndirectRead`] and all compute accesses.
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        (counts, offset): (&Buffer<u32>, u32),
+        capacity: u32,
+        tile_items: [u32; 2],
+        args: &Buffer<u32>,
+        diagnostics: &Diagnostics,
+    ) {
+        assert!((offset as usize) < counts.len(), "element {offset} of '{}'", counts.name());
+        rec.barrier(Access::IndirectRead, Access::ComputeWrite);
+        rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
+        rec.dispatch(
+            &self.pipeline,
+            &[("counts", counts.bind()), ("args", args.bind()), ("diagnostics", diagnostics.buffer().bind())],
+            &DispatchArgsPush { offset, capacity, tile_items },
+            [1, 1, 1],
+        );
+        rec.barrier(Access::ComputeWrite, Access::IndirectRead);
+        rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_hold_all_tiles_within_the_limit() {
+        for tiles in [0, 1, 2, 65_534, 65_535, 65_536, 65_537, 131_070, 131_071, MAX_ITEMS / 128] {
+            let [x, y, z] = grid(tiles);
+            assert!(x <= constants::MAX_GRID && y <= constants::MAX_GRID && z == 1);
+            assert!(u64::from(x) * u64::from(y) >= u64::from(tiles), "{tiles} tiles");
+            assert!(u64::from(x) * u64::from(y) < u64::from(tiles) + u64::from(x).max(1), "{tiles} tiles");
+        }
+    }
+
+    #[test]
+    fn too_large_a_capacity_is_refused() {
+        assert!(check_capacity("scan", MAX_ITEMS).is_ok());
+        assert!(check_capacity("scan", MAX_ITEMS + 1).unwrap_err().to_string().contains("1073741823"));
+    }
+}

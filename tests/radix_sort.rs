@@ -1,0 +1,318 @@
+//! The radix sort against its CPU twin. Every payload is the pair's original index, so one exact comparison proves
+//! order, pairing, stability, and that no pair was lost or doubled. `scripts/test` repeats all of it at several
+//! subgroup sizes and thread counts.
+
+mod common;
+#[path = "common/data.rs"]
+mod data;
+
+use common::gpu_test;
+use data::{Random, assert_same};
+use std::ops::Range;
+use tyndall::cpu;
+use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
+use tyndall::passes::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
+use tyndall::vk::{Context, Recorder};
+
+/// Many tiles (of 128 pairs) for little work.
+const SMALL_TILES: RadixSortConfig =
+    RadixSortConfig { workgroup: Some(128), keys: 1, spin_limit: 64, withhold: 0, broadcast_up_to: 8 };
+
+fn indices(n: usize) -> Vec<u32> {
+    (0..n as u32).collect()
+}
+
+/// Sorts and compares with the twin. One more pair than the count lies behind the others and must stay.
+fn check(
+    ctx: &Context,
+    sort: &RadixSort,
+    scratch: &RadixSortScratch,
+    bits: Range<u32>,
+    keys: &[u32],
+    case: &str,
+) -> Report {
+    let n = keys.len();
+    let case = format!("{case}: {n} pairs by bits {bits:?}");
+    let guarded = |data: &[u32]| [data, &[0xDEAD_BEEF]].concat();
+    let key_buffer = ctx.upload("keys", &guarded(keys)).unwrap();
+    let payload_buffer = ctx.upload("payloads", &guarded(&indices(n))).unwrap();
+    let mut rec = Recorder::new(ctx).unwrap();
+    scratch.diagnostics().clear(&mut rec);
+    let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, Count::Host(n as u32), bits.clone(), scratch);
+    rec.submit_and_wait().unwrap();
+    let (expected_keys, expected_payloads) = cpu::radix_sort::sort_pairs(keys, &indices(n), bits.start, bits.end);
+    assert_same(&format!("{case}, payloads"), &ctx.read_back_range(sorted.payloads, 0..n).unwrap(), &expected_payloads);
+    assert_same(&format!("{case}, keys"), &ctx.read_back_range(sorted.keys, 0..n).unwrap(), &expected_keys);
+    for buffer in [&key_buffer, &payload_buffer] {
+        assert_eq!(ctx.read_back_range(buffer, n..n + 1).unwrap(), [0xDEAD_BEEF], "{case}: beyond '{}'", buffer.name());
+    }
+    scratch.diagnostics().check(ctx, "radix sort").unwrap()
+}
+
+fn check_sizes(ctx: &Context, config: RadixSortConfig, bits: Range<u32>, sizes: &[usize]) {
+    let sort = RadixSort::new(ctx, config).unwrap();
+    let most = *sizes.iter().max().unwrap();
+    let scratch = sort.scratch(ctx, most as u32).unwrap();
+    let keys = Random(1).words(most);
+    for &n in sizes {
+        check(ctx, &sort, &scratch, bits.clone(), &keys[..n], &format!("{config:?}"));
+    }
+}
+
+#[test]
+fn exact_around_every_boundary() {
+    gpu_test(|ctx| {
+        let s = ctx.device_info().subgroup_size as usize;
+        let config = RadixSortConfig::default();
+        let tile = RadixSort::new(ctx, config).unwrap().tile() as usize;
+        let mut sizes = vec![0, 1, 2, 3, s - 1, s, s + 1, 255, 256, 257, tile - 1, tile, tile + 1];
+        sizes.extend([2 * tile - 1, 2 * tile, 2 * tile + 1, 32_767, 32_768, 32_769, 65_537]);
+        check_sizes(ctx, config, 0..32, &sizes);
+    });
+}
+
+#[test]
+fn exact_at_a_million() {
+    gpu_test(|ctx| check_sizes(ctx, RadixSortConfig::default(), 0..32, &[1_000_003]));
+}
+
+#[test]
+fn exact_at_every_size_between_one_and_two_tiles() {
+    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, 0..16, &(128..=256).collect::<Vec<_>>()));
+}
+
+#[test]
+fn exact_in_every_shape_and_by_both_ways_of_matching() {
+    gpu_test(|ctx| {
+        for (workgroup, keys) in [(64, 15), (128, 32), (128, 15), (128, 1)] {
+            for broadcast_up_to in [0, 128] {
+                let config =
+                    RadixSortConfig { workgroup: Some(workgroup), keys, broadcast_up_to, ..Default::default() };
+                check_sizes(ctx, config, 0..32, &[1, 1_000, 20_021]);
+            }
+        }
+    });
+}
+
+/// The key patterns that have broken radix sorts.
+fn patterns(n: usize, tile: usize) -> Vec<(String, Vec<u32>)> {
+    let mut random = Random(6);
+    let mut all: Vec<(String, Vec<u32>)> = Vec::new();
+    let mut add = |name: &str, keys: Vec<u32>| all.push((name.to_owned(), keys));
+    // The AND of k random words has ever fewer ones: entropy 1, 0.811, 0.544, 0.337, 0.201 bits per bit.
+    for k in 1..=5 {
+        add(&format!("AND of {k}"), (0..n).map(|_| (0..k).fold(!0, |key, _| key & random.word())).collect());
+    }
+    for key in [0, 0x8000_0000, 0x1234_5678, u32::MAX] {
+        add(&format!("all {key:#x}"), vec![key; n]);
+    }
+    add("two values", (0..n).map(|_| if random.word() & 1 == 0 { 5 } else { 0xFFFF_FFFE }).collect());
+    add("sorted", (0..n as u32).map(|i| i * 1_000).collect());
+    add("reversed", (0..n as u32).rev().map(|i| i * 1_000).collect());
+    for digit in 0..4 {
+        let shift = 8 * digit;
+        let keys = (0..n).map(|_| 0x5A5A_5A5A & !(0xFF << shift) | (random.word() & 0xFF) << shift).collect();
+        add(&format!("only digit {digit} varies"), keys);
+    }
+    add("organ pipe", (0..n).map(|i| i.min(n - 1 - i) as u32).collect());
+    add("sawtooth", (0..n as u32).map(|i| i % 256).collect());
+    add("a value per tile", (0..n).map(|i| (i / tile) as u32 ^ 1).collect());
+    let mut odd = vec![7; n];
+    odd[n / 2] = 3;
+    add("one smaller", odd.clone());
+    odd[n / 2] = u32::MAX;
+    add("one larger", odd);
+    all
+}
+
+#[test]
+fn exact_for_every_pattern_of_keys() {
+    gpu_test(|ctx| {
+        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let n = 3 * sort.tile() as usize + 77;
+        let scratch = sort.scratch(ctx, n as u32).unwrap();
+        for (name, keys) in patterns(n, sort.tile() as usize) {
+            check(ctx, &sort, &scratch, 0..32, &keys, &name);
+        }
+    });
+}
+
+#[test]
+fn any_window_of_bits_any_number_of_passes() {
+    gpu_test(|ctx| {
+        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let keys = Random(7).words(9_001);
+        let scratch = sort.scratch(ctx, 9_001).unwrap();
+        let windows = [
+            0..0,
+            7..7,
+            32..32,
+            0..1,
+            3..4,
+            31..32,
+            0..8,
+            24..32,
+            0..9,
+            0..16,
+            5..17,
+            8..24,
+            4..28,
+            0..24,
+            1..31,
+            0..31,
+        ];
+        for bits in windows {
+            check(ctx, &sort, &scratch, bits, &keys, "random");
+        }
+    });
+}
+
+#[test]
+fn the_count_may_come_from_the_gpu() {
+    gpu_test(|ctx| {
+        let capacity = 40_000;
+        let keys = Random(8).words(capacity);
+        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let tile = sort.tile() as usize;
+        let scratch = sort.scratch(ctx, capacity as u32).unwrap();
+        let sort_counted = |n: u32| {
+            let counts = ctx.upload("counts", &[7, n]).unwrap();
+            let key_buffer = ctx.upload("keys", &keys).unwrap();
+            let payload_buffer = ctx.upload("payloads", &indices(capacity)).unwrap();
+            let mut rec = Recorder::new(ctx).unwrap();
+            scratch.diagnostics().clear(&mut rec);
+            let count = Count::Gpu { buffer: &counts, offset: 1 };
+            let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, count, 0..16, &scratch);
+            rec.submit_and_wait().unwrap();
+            let report = scratch.diagnostics().check(ctx, "radix sort");
+            (ctx.read_back(sorted.keys).unwrap(), ctx.read_back(sorted.payloads).unwrap(), report)
+        };
+        for n in [0, 1, tile - 1, tile, tile + 1, 32_768, 32_769, capacity - 1, capacity] {
+            let (sorted_keys, sorted_payloads, report) = sort_counted(n as u32);
+            report.unwrap();
+            let (mut expected_keys, mut expected_payloads) =
+                cpu::radix_sort::sort_pairs(&keys[..n], &indices(n), 0, 16);
+            // The rest stays as it was: two passes end in place.
+            expected_keys.extend(&keys[n..]);
+            expected_payloads.extend(n as u32..capacity as u32);
+            assert_same(&format!("{n} on the GPU, payloads"), &sorted_payloads, &expected_payloads);
+            assert_same(&format!("{n} on the GPU, keys"), &sorted_keys, &expected_keys);
+        }
+        for n in [capacity as u32 + 1, u32::MAX] {
+            let error = sort_counted(n).2.unwrap_err().to_string();
+            assert!(error.contains("'radix sort'") && error.contains("capacity"), "{error}");
+        }
+        sort_counted(5).2.expect("a cleared error is gone");
+    });
+}
+
+#[test]
+fn a_suspended_tile_is_counted_by_those_that_need_it() {
+    gpu_test(|ctx| {
+        let keys = Random(9).words(128 * 60 + 5);
+        for withhold in [1, 2, 5, 30] {
+            for spin_limit in [0, 1, 64] {
+                let config = RadixSortConfig { withhold, spin_limit, ..SMALL_TILES };
+                let sort = RadixSort::new(ctx, config).unwrap();
+                let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
+                let report = check(ctx, &sort, &scratch, 4..20, &keys, &format!("{config:?}"));
+                // In both passes, all withheld tiles but the last one, which nobody needs.
+                assert!(report.fallbacks >= 2 * 60u32.div_ceil(withhold), "{config:?}: {report:?}");
+                assert!(report.spins >= report.fallbacks, "{config:?}: {report:?}");
+            }
+        }
+    });
+}
+
+#[test]
+fn an_exhausted_budget_is_an_error_and_no_pair_is_misplaced() {
+    gpu_test(|ctx| {
+        let keys = Random(10).words(128 * 6);
+        let sort = RadixSort::new(ctx, RadixSortConfig { withhold: 2, spin_limit: u32::MAX, ..SMALL_TILES }).unwrap();
+        let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
+        let key_buffer = ctx.upload("keys", &keys).unwrap();
+        let count = Count::Host(keys.len() as u32);
+        // A sort that works leaves marks where the result will be: one pass ends in the scratch memory.
+        let marks = ctx.upload("payloads", &vec![u32::MAX; keys.len()]).unwrap();
+        let mut rec = Recorder::new(ctx).unwrap();
+        RadixSort::new(ctx, SMALL_TILES).unwrap().record(&mut rec, &key_buffer, &marks, count, 0..8, &scratch);
+        rec.submit_and_wait().unwrap();
+        let payload_buffer = ctx.upload("payloads", &indices(keys.len())).unwrap();
+        let mut rec = Recorder::new(ctx).unwrap();
+        let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, count, 0..8, &scratch);
+        rec.submit_and_wait().unwrap();
+        let error = scratch.diagnostics().check(ctx, "radix sort").unwrap_err().to_string();
+        assert!(error.contains("'radix sort'") && error.contains("loop budget"), "{error}");
+        let payloads = ctx.read_back(sorted.payloads).unwrap();
+        let (_, expected) = cpu::radix_sort::sort_pairs(&keys, &indices(keys.len()), 0, 8);
+        assert!(payloads.iter().zip(&expected).all(|(&got, &right)| got == right || got == u32::MAX));
+        assert_eq!(payloads.iter().filter(|&&got| got != u32::MAX).count(), 128, "tile 0 alone needs nobody");
+    });
+}
+
+#[test]
+fn memory_is_reused_within_and_across_submissions() {
+    gpu_test(|ctx| {
+        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let scratch = sort.scratch(ctx, 100_000).unwrap();
+        let mut random = Random(11);
+        for n in [100_000, 1, 257, 100_000, 0, 4_000, 3] {
+            check(ctx, &sort, &scratch, 0..24, &random.words(n), "reused");
+        }
+        // Three sorts in a row in one command buffer, two of them with the same memory.
+        let other = sort.scratch(ctx, 50_000).unwrap();
+        let lists: Vec<Vec<u32>> = [50_000, 50_000, 12_345].iter().map(|&n| random.words(n)).collect();
+        let buffers: Vec<_> = lists
+            .iter()
+            .map(|keys| (ctx.upload("keys", keys).unwrap(), ctx.upload("payloads", &indices(keys.len())).unwrap()))
+            .collect();
+        let mut rec = Recorder::new(ctx).unwrap();
+        let sorted: Vec<_> = buffers
+            .iter()
+            .zip([&scratch, &other, &scratch])
+            .map(|((keys, payloads), scratch)| {
+                sort.record(&mut rec, keys, payloads, Count::Host(keys.len() as u32), 0..32, scratch)
+            })
+            .collect();
+        rec.submit_and_wait().unwrap();
+        for (keys, sorted) in lists.iter().zip(sorted) {
+            let (_, expected) = cpu::radix_sort::sort_pairs(keys, &indices(keys.len()), 0, 32);
+            assert_same("in a row", &ctx.read_back(sorted.payloads).unwrap(), &expected);
+        }
+    });
+}
+
+#[test]
+fn too_large_a_capacity_is_refused_before_anything_is_allocated() {
+    gpu_test(|ctx| {
+        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let before = ctx.peak_bytes();
+        let error = sort.scratch(ctx, MAX_ITEMS + 1).err().expect("refused").to_string();
+        assert!(error.contains("1073741824 items"), "{error}");
+        assert_eq!(ctx.peak_bytes(), before);
+    });
+}
+
+#[test]
+#[ignore = "long: more workgroups than one axis of a grid holds"]
+fn more_workgroups_than_one_axis_holds() {
+    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, 0..16, &[128 * 32_000, 128 * 65_535 - 1]));
+}
+
+#[test]
+#[ignore = "long: the largest buffers that lavapipe binds"]
+fn exact_at_the_largest_sizes() {
+    gpu_test(|ctx| {
+        let most = (ctx.max_storage_bytes() / 4).min(1 << 28) as usize;
+        check_sizes(ctx, RadixSortConfig::default(), 0..32, &[(1 << 24) - 1, 1 << 24, (1 << 24) + 1, most - 1]);
+    });
+}
+
+#[test]
+#[ignore = "long: every size in one sweep of the default tile"]
+fn exact_at_every_size_between_one_and_two_default_tiles() {
+    gpu_test(|ctx| {
+        let tile = RadixSort::new(ctx, RadixSortConfig::default()).unwrap().tile() as usize;
+        check_sizes(ctx, RadixSortConfig::default(), 0..32, &(tile..=2 * tile).collect::<Vec<_>>());
+    });
+}
