@@ -12,7 +12,7 @@ use std::ops::Range;
 use tyndall::cpu;
 use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
 use tyndall::passes::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
-use tyndall::vk::{Context, Recorder};
+use tyndall::vk::{Context, Recorder, Validation};
 
 /// Many tiles (of 128 pairs) for little work.
 const SMALL_TILES: RadixSortConfig =
@@ -84,7 +84,10 @@ fn exact_at_every_size_between_one_and_two_tiles() {
 #[test]
 fn exact_in_every_shape_and_by_both_ways_of_matching() {
     gpu_test(|ctx| {
-        for (workgroup, keys) in [(64, 15), (128, 32), (128, 15), (128, 1)] {
+        // GPU-assisted validation makes pipelines of long unrolled loops take minutes, and shapes change no address.
+        let shapes = [(128, 3), (64, 15), (128, 32), (128, 15)];
+        let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..1] } else { &shapes };
+        for &(workgroup, keys) in shapes {
             for broadcast_up_to in [0, 128] {
                 let config =
                     RadixSortConfig { workgroup: Some(workgroup), keys, broadcast_up_to, ..Default::default() };
