@@ -348,7 +348,10 @@ fn struct_check(name: &str, ty: &StructType) -> String {
     }
     let _ = writeln!(code, "    assert!(size_of::<S>() == {end}, \"abi::{name}: GLSL's is {end} bytes\");\n}};");
     let lower = snake_case(name);
-    let _ = writeln!(code, "#[allow(dead_code, reason = \"it only checks types\")]\nfn check_{lower}(s: &crate::abi::{name}) {{");
+    let _ = writeln!(
+        code,
+        "#[allow(dead_code, reason = \"it only checks types\")]\nfn check_{lower}(s: &crate::abi::{name}) {{"
+    );
     for m in &ty.members {
         let _ = writeln!(code, "    let _: &{} = &s.{};", rust_type(&m.ty), m.name.as_deref().unwrap_or(""));
     }

@@ -67,3 +67,235 @@ pub struct RadixOnesweepPush {
     /// Status rows per pass: tiles + 1.
     pub rows: u32,
 }
+
+/// `scene.glsl`: the scene's numbers for all kernels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[allow(missing_docs, reason = "scene.glsl documents the members")]
+pub struct SceneParams {
+    pub world_of_x: [f32; 3],
+    pub world_of_y: [f32; 3],
+    pub world_of_z: [f32; 3],
+    pub world_of_origin: [f32; 3],
+    pub index_of_x: [f32; 3],
+    pub index_of_y: [f32; 3],
+    pub index_of_z: [f32; 3],
+    pub index_of_origin: [f32; 3],
+    pub dims: [u32; 3],
+    pub transfer_points: u32,
+    pub eye: [f32; 3],
+    pub forward: [f32; 3],
+    pub right: [f32; 3],
+    pub up: [f32; 3],
+    pub size: [u32; 2],
+    pub unit_distance: f32,
+    pub density_scale: f32,
+    pub max_extinction: f32,
+    pub radiance_scale: f32,
+    pub g: f32,
+    pub emission_scale: f32,
+    pub albedo_scale: [f32; 3],
+    pub environment: [f32; 3],
+    pub background: [f32; 3],
+    pub environment_rotation: f32,
+    pub environment_size: [u32; 2],
+    pub mean_spacing: f32,
+    pub seed_low: u32,
+    pub seed_high: u32,
+}
+
+/// `transfer.glsl`: one point of the transfer function.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct TransferPointData {
+    /// Scalar in the volume's unit.
+    pub value: f32,
+    /// Opacity or extinction, before the density scale.
+    pub opacity: f32,
+    /// Albedo or emitted colour.
+    pub color: [f32; 3],
+    /// Emitted radiance.
+    pub emission: [f32; 3],
+}
+
+/// `single_scatter.comp`, `phong.comp`: a delta light.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct LightData {
+    /// Directional: direction of travel; point: position. World.
+    pub vector: [f32; 3],
+    /// 1 for a point light.
+    pub is_point: u32,
+    /// Irradiance or radiant intensity.
+    pub power: [f32; 3],
+}
+
+/// A chunk of the list of active voxels (`encode.comp`, `source_max.comp`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ChunkPush {
+    /// First list item.
+    pub chunk_begin: u32,
+    /// List items of a chunk.
+    pub chunk_items: u32,
+}
+
+/// `chunk_args.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ChunkArgsPush {
+    /// Chunks, one indirect dispatch each.
+    pub chunks: u32,
+    /// List items of a chunk.
+    pub chunk_items: u32,
+    /// Workgroup size of the kernel that is dispatched.
+    pub workgroup: u32,
+    /// Its workgroups along y.
+    pub groups_y: u32,
+}
+
+/// `compact.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct CompactPush {
+    /// First voxel of the range.
+    pub first: u32,
+    /// Voxels of the range.
+    pub count: u32,
+}
+
+/// `single_scatter.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "single_scatter.comp documents the members")]
+pub struct SingleScatterPush {
+    pub chunk_begin: u32,
+    pub chunk_items: u32,
+    pub light_begin: u32,
+    pub light_end: u32,
+    pub environment_begin: u32,
+    pub environment_end: u32,
+    pub environment_directions: u32,
+    pub first: u32,
+    pub step_voxels: f32,
+}
+
+/// `phong.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct PhongPush {
+    /// First list item.
+    pub chunk_begin: u32,
+    /// List items of a chunk.
+    pub chunk_items: u32,
+    /// Lights in the list.
+    pub lights_count: u32,
+    /// Mean radiance of the environment.
+    pub ambient: [f32; 3],
+}
+
+/// `compress_runs.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct CompressRunsPush {
+    /// Voxels of the volume.
+    pub count: u32,
+    /// Runs that fit into the lists.
+    pub capacity: u32,
+}
+
+/// `proxy_plan.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ProxyPlanPush {
+    /// Runs that fit into the lists.
+    pub capacity: u32,
+    /// Workgroups of an attempt along x.
+    pub groups_x: u32,
+    /// Workgroups of an attempt along y.
+    pub groups_y: u32,
+    /// 1 before the first attempt.
+    pub is_start: u32,
+    /// Mask of the first attempt.
+    pub mask: u32,
+}
+
+/// `compress_buckets.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct CompressBucketsPush {
+    /// `COUNT_ON_DEVICE`.
+    pub count: u32,
+    /// Voxels of the volume.
+    pub voxels: u32,
+}
+
+/// `bucket_light.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct BucketLightPush {
+    /// `COUNT_ON_DEVICE`.
+    pub count: u32,
+}
+
+/// `gather_proxy.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "gather_proxy.comp documents the members")]
+pub struct GatherProxyPush {
+    pub chunk_begin: u32,
+    pub chunk_items: u32,
+    pub order: u32,
+    pub candidates: u32,
+    pub block: u32,
+    pub step_voxels: f32,
+}
+
+/// `gather_select.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "gather_select.comp documents the members")]
+pub struct GatherSelectPush {
+    pub chunk_begin: u32,
+    pub chunk_items: u32,
+    pub order: u32,
+    pub candidates: u32,
+    pub directions: u32,
+    pub defence: f32,
+}
+
+/// `gather_trace.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "gather_trace.comp documents the members")]
+pub struct GatherTracePush {
+    pub chunk_begin: u32,
+    pub chunk_items: u32,
+    pub order: u32,
+    pub lattice: u32,
+    pub slot_begin: u32,
+    pub slot_end: u32,
+    pub directions: u32,
+    pub first: u32,
+    pub step_voxels: f32,
+}
+
+/// `distance.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct DistancePush {
+    /// 0, 1, 2 = x, y, z.
+    pub axis: u32,
+}
+
+/// `camera.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "camera.comp documents the members")]
+pub struct CameraPush {
+    pub row_begin: u32,
+    pub row_end: u32,
+    pub sample_index: u32,
+    pub samples: u32,
+    pub step_voxels: f32,
+}

@@ -43,4 +43,51 @@ const uint RADIX_DIGITS = 256u;
 // Most passes of a radix sort: all bits of a u32. Also the words of its `status` before the rows, a ticket each.
 const uint RADIX_PASSES = 4u;
 
+// Voxels along the edge of a macrocell.
+const uint CELL_SIZE = 8u;
+// Words of the lists' header: the number of voxels in the list.
+const uint LIST_COUNT = 0u;
+
+// Largest distance to an occupied macrocell that rays make use of, in cells.
+const uint MAX_EMPTINESS = 32u;
+// Stands for NaN in the scalars: such voxels are empty.
+const float NO_VALUE = -3.4028235e38;
+
+// Largest finite half float that fields may hold; greater values are cut off.
+const float MAX_HALF = 65504.0;
+
+// Word of the proxy's control block: mask of the colour bits that the hash keeps now.
+const uint PROXY_MASK = 0u;
+// Word of the proxy's control block: number of runs.
+const uint PROXY_RUNS = 1u;
+// Word of the proxy's control block: number of buckets.
+const uint PROXY_BUCKETS = 2u;
+// Word of the proxy's control block: 1 while the runs do not fit and a coarser mask must be tried.
+const uint PROXY_RETRY = 3u;
+// Word of the proxy's control block: runs that the last attempt found, whether they fitted or not.
+const uint PROXY_FOUND = 4u;
+// Words of the proxy's control block.
+const uint PROXY_WORDS = 8u;
+
+// ENVIRONMENT: no light from all around.
+const uint ENVIRONMENT_NONE = 0u;
+// ENVIRONMENT: the same radiance from everywhere.
+const uint ENVIRONMENT_CONSTANT = 1u;
+// ENVIRONMENT: a latitude-longitude image.
+const uint ENVIRONMENT_IMAGE = 2u;
+
+// BACKGROUND: nothing is behind the medium; alpha is its opacity.
+const uint BACKGROUND_TRANSPARENT = 0u;
+// BACKGROUND: one colour.
+const uint BACKGROUND_COLOR = 1u;
+// BACKGROUND: the environment.
+const uint BACKGROUND_ENVIRONMENT = 2u;
+
+// SAMPLING: N directions from the phase function.
+const uint SAMPLING_PHASE = 0u;
+// SAMPLING: the N of M candidates with the most proxy energy.
+const uint SAMPLING_TOP = 1u;
+// SAMPLING: N of M candidates drawn in proportion to their proxy energy.
+const uint SAMPLING_RESAMPLE = 2u;
+
 #endif

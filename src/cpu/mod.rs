@@ -1,5 +1,6 @@
 //! Plain twins of the GPU passes: the same names and argument order, the simplest code that is right. Tests compare
 //! the passes with them.
 
+pub mod classify;
 pub mod radix_sort;
 pub mod scan;

@@ -1,5 +1,39 @@
 //! The passes: sizes, scratch memory, and `record()`, which appends a pass to a [`Recorder`](crate::vk::Recorder).
+//!
+//! Every kernel starts by ordering itself after the compute accesses recorded before; see each `record`.
 
+pub mod camera;
+pub mod classify;
+pub mod compact;
+pub mod gather;
 pub mod lookback;
+pub mod phong;
+pub mod proxy;
 pub mod radix_sort;
 pub mod scan;
+pub mod scene_data;
+pub mod single_scatter;
+
+use crate::shaders::constants::MAX_ITERATIONS;
+use crate::vk::{Access, Recorder};
+
+/// Workgroup size of kernels over lists.
+pub const LIST_WORKGROUP: u32 = 64;
+
+/// Orders everything that compute shaders did before everything that they do next.
+pub(crate) fn order_compute(rec: &mut Recorder) {
+    rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
+}
+
+/// Loop iterations that a ray through a volume may take: the longest diagonal in steps, and what rounding adds.
+pub fn ray_iterations(dims: [u32; 3], step_voxels: f32) -> u32 {
+    let diagonal = dims.iter().map(|&d| f64::from(d).powi(2)).sum::<f64>().sqrt();
+    // Every skipped cell may cost a step more than its length says.
+    (diagonal / f64::from(step_voxels)).ceil() as u32 + 8
+}
+
+/// Rays that one invocation may follow within the loop budget; at least 1.
+pub fn rays_per_invocation(dims: [u32; 3], step_voxels: f32) -> u32 {
+    // A tenth is left for the loops around the rays.
+    ((MAX_ITERATIONS - MAX_ITERATIONS / 10) / ray_iterations(dims, step_voxels)).max(1)
+}

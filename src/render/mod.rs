@@ -1,27 +1,462 @@
-//! From a scene to a picture.
-
-use std::ops::ControlFlow;
+//! Renders a scene: makes the passes, records every iteration, and keeps the device busy with bounded submissions.
 
 use crate::output::Picture;
-use crate::scene::Scene;
-use crate::stats::Stats;
-use crate::vk::Context;
+use crate::passes::camera::Camera;
+use crate::passes::classify::{Classify, Emptiness};
+use crate::passes::compact::{ActiveList, Chunk};
+use crate::passes::gather::{Gather, GatherConfig, Orders, Source};
+use crate::passes::phong::Phong;
+use crate::passes::proxy::{Proxy, ProxyConfig};
+use crate::passes::scene_data::SceneData;
+use crate::passes::single_scatter::SingleScatter;
+use crate::scene::{Model, Sampling, Scene};
+use crate::shaders::constants;
+use crate::stats::{DeviceStats, PassStats, ProxyStats, Stats, ValidationStats, VolumeStats};
+use crate::vk::{Access, Buffer, Context, Image, ImageFormat, Recorder, Severity, Submission, TimedPass, Validation};
 use crate::{Error, Result};
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::time::Instant;
 
 /// How far a render is.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
-    /// Share that is done, 0 to 1.
+    /// Done share of the work, 0 to 1.
     pub done: f64,
-    /// What is being computed.
+    /// What is being done.
     pub phase: &'static str,
 }
 
-/// Renders `scene` on the device of `ctx`; `progress` may stop it.
+/// Knobs that only tests turn.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Internals {
+    /// Sets every bucketColor to zero after each build of the proxy.
+    pub zero_bucket_colors: bool,
+    /// Runs that the proxy's lists hold.
+    pub proxy_capacity: Option<u32>,
+    /// Voxels of a segment of the active list.
+    pub segment_voxels: Option<u32>,
+}
+
+/// Renders `scene`. `progress` is called now and then; `Break` stops the render.
+///
+/// Errors: the device cannot hold the scene, a pass reports a failure, or the render was stopped.
 pub fn render(
-    _ctx: &Context,
-    _scene: &Scene,
-    _progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ctx: &Context,
+    scene: &Scene,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<(Picture, Stats)> {
-    Err(Error::Device { pass: "render", problem: "not implemented yet".into() })
+    let start = Instant::now();
+    let mut renderer = Renderer::new(ctx, scene, Internals::default())?;
+    let picture = renderer.render(scene.settings.seed, progress)?;
+    let stats = renderer.stats(scene, start.elapsed().as_secs_f64() * 1e3)?;
+    Ok((picture, stats))
+}
+
+/// A scene set up on a device: renders any number of seeds without making anything anew.
+pub struct Renderer<'a> {
+    ctx: &'a Context,
+    orders: u32,
+    samples: u32,
+    mask: [u8; 4],
+    data: SceneData,
+    classify: Classify,
+    phong: Option<Phong>,
+    camera: Camera,
+    scatter: Option<Scatter>,
+    list: Option<ActiveList>,
+    active: u64,
+    emptiness: Emptiness,
+    total: Image,
+    picture: Image,
+    proxy_log: Buffer<u32>,
+    times: Vec<TimedPass>,
+}
+
+/// What scattering needs; the local models do without.
+struct Scatter {
+    single: SingleScatter,
+    /// The gather of orders that have a next one, and of the last.
+    gather: Option<[Gather; 2]>,
+    /// The gather of emitted light.
+    emission: Option<Gather>,
+    proxy: Option<Proxy>,
+    /// Emission and extinction; then every second order.
+    even: Source,
+    odd: Source,
+}
+
+/// List items of a chunk: a dispatch should stay below 100 ms, and a chunk's lists below 64 MiB.
+fn chunk_items(ctx: &Context, gather: Option<&GatherConfig>) -> u32 {
+    let usual = if ctx.is_cpu() { 1 << 15 } else { 1 << 18 };
+    gather.map_or(usual, |g| usual.min(g.max_chunk(64 << 20)).max(64))
+}
+
+/// Random-number streams: orders count from 1; the gather of emitted light has its own.
+const EMISSION_STREAM: u32 = 0x454D_4954;
+
+impl<'a> Renderer<'a> {
+    /// Uploads the scene and makes the passes that its settings use.
+    pub fn new(ctx: &'a Context, scene: &Scene, internals: Internals) -> Result<Self> {
+        let s = &scene.settings;
+        let data = SceneData::new(ctx, scene)?;
+        let dims = data.params.dims;
+        let orders = match s.model {
+            Model::Single => 1,
+            Model::Multiple => s.orders,
+            Model::Absorption | Model::Phong => 0,
+        };
+        let gather_config = GatherConfig::of(s);
+        let emission_config = GatherConfig { sampling: Sampling::Phase, ..gather_config };
+        let chunk = chunk_items(ctx, (orders > 1).then_some(&gather_config));
+        let list = match s.model {
+            Model::Absorption => None,
+            _ => Some(ActiveList::new(ctx, &data, chunk, internals.segment_voxels)?),
+        };
+        let scatter = if orders > 0 {
+            let is_anisotropic = data.params.g != 0.0;
+            let gathers = orders > 1;
+            let with_proxy = gathers && gather_config.uses_proxy();
+            let emits = data.has_emission;
+            // `odd` takes the orders 1, 3, ..., which nobody reads where there is only one.
+            let odd_dims = if gathers { dims } else { [1; 3] };
+            Some(Scatter {
+                single: SingleScatter::new(ctx, &data, s.environment_directions, s.gather_step, gathers)?,
+                gather: if gathers {
+                    Some([
+                        Gather::new(ctx, &data, gather_config, chunk, true)?,
+                        Gather::new(ctx, &data, gather_config, chunk, false)?,
+                    ])
+                } else {
+                    None
+                },
+                emission: if emits { Some(Gather::new(ctx, &data, emission_config, chunk, gathers)?) } else { None },
+                proxy: if with_proxy {
+                    let config = ProxyConfig {
+                        mask: s.mask,
+                        capacity: internals.proxy_capacity,
+                        zero_colors: internals.zero_bucket_colors,
+                    };
+                    Some(Proxy::new(ctx, &data, config)?)
+                } else {
+                    None
+                },
+                even: Source::new(ctx, ["even.a", "even.x", "even.y", "even.z"], dims, is_anisotropic)?,
+                odd: Source::new(ctx, ["odd.a", "odd.x", "odd.y", "odd.z"], odd_dims, is_anisotropic && gathers)?,
+            })
+        } else {
+            None
+        };
+        Ok(Self {
+            ctx,
+            orders,
+            samples: s.spp,
+            mask: s.mask,
+            classify: Classify::new(ctx, s.model == Model::Absorption)?,
+            phong: if s.model == Model::Phong { Some(Phong::new(ctx)?) } else { None },
+            camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp)?,
+            scatter,
+            list,
+            active: 0,
+            emptiness: Classify::emptiness(ctx, dims)?,
+            total: ctx.image_3d("total", dims, ImageFormat::Rgba16Float)?,
+            picture: Camera::picture(ctx, s.size)?,
+            proxy_log: ctx.device_buffer("proxy.log", (constants::PROXY_WORDS * orders.max(1)) as usize)?,
+            data,
+            times: Vec::new(),
+        })
+    }
+
+    /// Renders with the given seed.
+    pub fn render(&mut self, seed: u64, progress: &mut dyn FnMut(Progress) -> ControlFlow<()>) -> Result<Picture> {
+        self.data.set_seed(self.ctx, seed)?;
+        let mut queue = Queue::new(progress);
+        self.set_up(&mut queue)?;
+        queue.total = self.work();
+        if let Some(phong) = &self.phong {
+            let list = self.list.as_ref().expect("phong has a list");
+            let mut rec = Recorder::new(self.ctx)?;
+            let args = list.chunk_args(self.ctx, &mut rec, 1)?;
+            rec.begin_pass("phong", 0);
+            for chunk in list.chunks() {
+                phong.record(&mut rec, &self.data, &chunk, &args, &self.total);
+            }
+            rec.end_pass();
+            queue.submit(rec, 0.0, "shading")?;
+        }
+        if let Some(scatter) = &self.scatter {
+            self.scatter(scatter, &mut queue)?;
+        }
+        self.take_picture(&mut queue)?;
+        queue.finish()?;
+        self.times = std::mem::take(&mut queue.times);
+        if let Some(proxy) = self.scatter.as_ref().and_then(|s| s.proxy.as_ref()) {
+            proxy.check(self.ctx)?;
+        }
+        let pixels: Vec<[f32; 4]> = self.ctx.read_back_image(&self.picture)?;
+        let [width, height] = self.data.params.size;
+        Ok(Picture { width, height, pixels })
+    }
+
+    /// Classification, empty-space structure, list of active voxels.
+    fn set_up(&mut self, queue: &mut Queue<'_>) -> Result<()> {
+        let mut rec = Recorder::new(self.ctx)?;
+        if let Some(scatter) = &self.scatter {
+            scatter.even.clear(&mut rec);
+            scatter.odd.clear(&mut rec);
+            rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+        }
+        rec.begin_pass("classify", 0);
+        self.classify.record(&mut rec, &self.data, &self.total);
+        if let Some(scatter) = &self.scatter {
+            self.classify.record(&mut rec, &self.data, &scatter.even.a);
+        }
+        self.classify.record_emptiness(&mut rec, &self.data, &self.total, &self.emptiness);
+        rec.end_pass();
+        if let Some(list) = &self.list {
+            rec.begin_pass("compact", 0);
+            list.record(&mut rec, &self.data, &self.total);
+            rec.end_pass();
+        }
+        queue.submit(rec, 0.0, "classifying")?;
+        if let Some(list) = &mut self.list {
+            self.active = list.read_counts(self.ctx)?;
+        }
+        Ok(())
+    }
+
+    /// Rough cost in traced rays, for the progress bar.
+    fn work(&self) -> f64 {
+        let active = self.active as f64;
+        let scatter = self
+            .scatter
+            .as_ref()
+            .map_or(0.0, |s| f64::from(s.single.rays(&self.data)) + f64::from(self.orders - 1) * self.order_work());
+        active * scatter + self.camera_work() * f64::from(self.data.params.size[1] * self.samples)
+    }
+
+    fn order_work(&self) -> f64 {
+        let Some([gather, _]) = self.scatter.as_ref().and_then(|s| s.gather.as_ref()) else { return 0.0 };
+        gather.rays()
+    }
+
+    /// Of one row of pixels.
+    fn camera_work(&self) -> f64 {
+        2.0 * f64::from(self.data.params.size[0])
+    }
+
+    fn scatter(&self, scatter: &Scatter, queue: &mut Queue<'_>) -> Result<()> {
+        let ctx = self.ctx;
+        let list = self.list.as_ref().expect("scattering has a list");
+        let mut rec = Recorder::new(ctx)?;
+        let one = list.chunk_args(ctx, &mut rec, 1)?;
+        let gather_args = match &scatter.gather {
+            Some([gather, _]) => Some(gather.args(ctx, &mut rec, list)?),
+            None => None,
+        };
+        let emission_args = match &scatter.emission {
+            Some(gather) => Some(gather.args(ctx, &mut rec, list)?),
+            None => None,
+        };
+        queue.submit(rec, 0.0, "scattering")?;
+
+        // Order 1: `even` holds emission and extinction.
+        let orders = Orders { next: &scatter.odd, total: &self.total };
+        let work = f64::from(scatter.single.rays(&self.data));
+        self.for_chunks(list, queue, "single scattering", work, |rec, chunk| {
+            rec.begin_pass("single", 1);
+            let field = &scatter.even.a;
+            scatter.single.record(rec, &self.data, &self.emptiness.image, chunk, &one, field, &orders);
+            rec.end_pass();
+            if let Some((gather, args)) = scatter.emission.as_ref().zip(emission_args.as_ref()) {
+                let source = &scatter.even;
+                let (data, cells) = (&self.data, &self.emptiness.image);
+                gather.record(rec, data, cells, chunk, args, None, source, &orders, EMISSION_STREAM, false);
+            }
+        })?;
+        let Some((gathers, args)) = scatter.gather.as_ref().zip(gather_args.as_ref()) else { return Ok(()) };
+        if let Some(proxy) = &scatter.proxy {
+            let mut rec = Recorder::new(ctx)?;
+            proxy.record_clear(&mut rec);
+            queue.submit(rec, 0.0, "scattering")?;
+        }
+        for order in 2..=self.orders {
+            let (source, next) =
+                if order % 2 == 0 { (&scatter.odd, &scatter.even) } else { (&scatter.even, &scatter.odd) };
+            if let Some(proxy) = &scatter.proxy {
+                let mut rec = Recorder::new(ctx)?;
+                proxy.record(&mut rec, &self.data, list, &one, &source.a, order);
+                let at = (constants::PROXY_WORDS * (order - 1)) as usize;
+                rec.barrier(Access::ComputeReadWrite, Access::TransferRead);
+                rec.copy(proxy.control(), 0, &self.proxy_log, at, constants::PROXY_WORDS as usize);
+                queue.submit(rec, 0.0, "multiple scattering")?;
+            }
+            let gather = &gathers[(order == self.orders) as usize];
+            let orders = Orders { next, total: &self.total };
+            self.for_chunks(list, queue, "multiple scattering", gather.rays(), |rec, chunk| {
+                let (data, cells, proxy) = (&self.data, &self.emptiness.image, scatter.proxy.as_ref());
+                gather.record(rec, data, cells, chunk, args, proxy, source, &orders, order, true);
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Records `body` for every chunk, a few chunks per submission.
+    fn for_chunks(
+        &self,
+        list: &ActiveList,
+        queue: &mut Queue<'_>,
+        phase: &'static str,
+        work_per_voxel: f64,
+        mut body: impl FnMut(&mut Recorder, &Chunk<'_>),
+    ) -> Result<()> {
+        const CHUNKS_PER_SUBMISSION: usize = 4;
+        let chunks: Vec<_> = list.chunks().collect();
+        let work = work_per_voxel * self.active as f64 / chunks.len().max(1) as f64;
+        for group in chunks.chunks(CHUNKS_PER_SUBMISSION) {
+            let mut rec = Recorder::new(self.ctx)?;
+            for chunk in group {
+                body(&mut rec, chunk);
+            }
+            queue.submit(rec, work * group.len() as f64, phase)?;
+        }
+        Ok(())
+    }
+
+    fn take_picture(&self, queue: &mut Queue<'_>) -> Result<()> {
+        let [width, height] = self.data.params.size;
+        // Rows of a dispatch: about as many rays as a chunk of voxels has.
+        let rays = if self.ctx.is_cpu() { 1 << 17 } else { 1 << 21 };
+        let band = (rays / width).clamp(1, height);
+        for sample in 0..self.samples {
+            for begin in (0..height).step_by(band as usize) {
+                let rows = begin..height.min(begin + band);
+                let work = self.camera_work() * rows.len() as f64;
+                let mut rec = Recorder::new(self.ctx)?;
+                rec.begin_pass("camera", 0);
+                let (total, picture) = (&self.total, &self.picture);
+                self.camera.record(&mut rec, &self.data, &self.emptiness.image, total, picture, sample, rows);
+                rec.end_pass();
+                queue.submit(rec, work, "camera")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The proxy of the last order that built one, for tests.
+    pub fn proxy(&self) -> Option<&Proxy> {
+        self.scatter.as_ref()?.proxy.as_ref()
+    }
+
+    /// Active voxels of the latest render.
+    pub fn active_voxels(&self) -> u64 {
+        self.active
+    }
+
+    /// Figures of the latest render. `wall_ms` is what the caller measured.
+    pub fn stats(&self, scene: &Scene, wall_ms: f64) -> Result<Stats> {
+        let mut passes: Vec<PassStats> = Vec::new();
+        for t in &self.times {
+            match passes.iter_mut().find(|p| p.name == t.name && p.iteration == t.iteration) {
+                Some(p) => {
+                    p.dispatches += t.dispatches;
+                    p.ms += t.ms;
+                }
+                None => passes.push(PassStats {
+                    name: t.name.to_owned(),
+                    iteration: t.iteration,
+                    dispatches: t.dispatches,
+                    ms: t.ms,
+                }),
+            }
+        }
+        let mut proxies = Vec::new();
+        if let Some(proxy) = self.proxy() {
+            let log = self.ctx.read_back(&self.proxy_log)?;
+            for order in 2..=self.orders {
+                let at = (constants::PROXY_WORDS * (order - 1)) as usize;
+                let counts = Proxy::counts(&log[at..at + constants::PROXY_WORDS as usize]);
+                let is_build = |p: &&PassStats| p.iteration == order && p.name.starts_with("proxy.");
+                proxies.push(ProxyStats {
+                    iteration: order,
+                    voxels: self.data.voxels(),
+                    runs: counts.runs.into(),
+                    buckets: counts.buckets.into(),
+                    bytes: proxy.bytes(),
+                    build_ms: passes.iter().filter(is_build).map(|p| p.ms).sum(),
+                    mask_requested: self.mask,
+                    mask_used: counts.mask.to_le_bytes(),
+                });
+            }
+        }
+        let info = self.ctx.device_info();
+        let messages = self.ctx.messages();
+        let count = |severity| messages.iter().filter(|m| m.severity == severity).count() as u64;
+        Ok(Stats {
+            device: DeviceStats {
+                name: info.name.clone(),
+                driver: info.driver.clone(),
+                subgroup_size: info.subgroup_size,
+            },
+            volume: VolumeStats::of(&scene.volume, self.active_fraction()),
+            settings: scene.settings.clone(),
+            gpu_ms: passes.iter().map(|p| p.ms).sum(),
+            passes,
+            proxy: proxies,
+            wall_ms,
+            peak_device_bytes: self.ctx.peak_bytes(),
+            validation: ValidationStats {
+                enabled: self.ctx.validation() != Validation::Off,
+                errors: count(Severity::Error),
+                warnings: count(Severity::Warning),
+            },
+        })
+    }
+
+    fn active_fraction(&self) -> f64 {
+        self.active as f64 / self.data.voxels() as f64
+    }
+}
+
+/// Submissions under way: at most `DEPTH`, so that progress is known and little is lost when the render is stopped.
+struct Queue<'p> {
+    progress: &'p mut dyn FnMut(Progress) -> ControlFlow<()>,
+    in_flight: VecDeque<(Submission, f64, &'static str)>,
+    times: Vec<TimedPass>,
+    done: f64,
+    total: f64,
+}
+
+const DEPTH: usize = 3;
+
+impl<'p> Queue<'p> {
+    fn new(progress: &'p mut dyn FnMut(Progress) -> ControlFlow<()>) -> Self {
+        Self { progress, in_flight: VecDeque::new(), times: Vec::new(), done: 0.0, total: 0.0 }
+    }
+
+    fn submit(&mut self, rec: Recorder, work: f64, phase: &'static str) -> Result<()> {
+        self.in_flight.push_back((rec.submit()?, work, phase));
+        while self.in_flight.len() > DEPTH {
+            self.wait_for_oldest()?;
+        }
+        Ok(())
+    }
+
+    fn wait_for_oldest(&mut self) -> Result<()> {
+        let Some((submission, work, phase)) = self.in_flight.pop_front() else { return Ok(()) };
+        self.times.extend(submission.wait()?);
+        self.done += work;
+        let done = if self.total > 0.0 { (self.done / self.total).min(1.0) } else { 0.0 };
+        match (self.progress)(Progress { done, phase }) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Error::input("render", "stopped before it was done", "start it again")),
+        }
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        while !self.in_flight.is_empty() {
+            self.wait_for_oldest()?;
+        }
+        Ok(())
+    }
 }

@@ -103,7 +103,11 @@ pub struct Hazard {
 
 impl std::fmt::Display for Hazard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} hazard on '{}': '{}' then '{}' with no barrier that names both", self.kind, self.resource, self.earlier, self.later)
+        write!(
+            f,
+            "{} hazard on '{}': '{}' then '{}' with no barrier that names both",
+            self.kind, self.resource, self.earlier, self.later
+        )
     }
 }
 

@@ -40,8 +40,11 @@ impl RawBuffer {
         }
         let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         // SAFETY: the device is alive; the create info is complete.
-        let handle = unsafe { device.raw.create_buffer(&info, None) }
-            .map_err(|result| Error::Vulkan { operation: "vkCreateBuffer", object: name.to_owned(), result })?;
+        let handle = unsafe { device.raw.create_buffer(&info, None) }.map_err(|result| Error::Vulkan {
+            operation: "vkCreateBuffer",
+            object: name.to_owned(),
+            result,
+        })?;
         // SAFETY: `handle` was just made by this device.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(handle) };
         let allocation = device.allocate(&AllocationCreateDesc {
@@ -59,8 +62,14 @@ impl RawBuffer {
                 return Err(error);
             }
         };
-        let buffer =
-            Self { handle, allocation: Some(allocation), bytes, name: name.to_owned(), id: device.next_id(), device: device.clone() };
+        let buffer = Self {
+            handle,
+            allocation: Some(allocation),
+            bytes,
+            name: name.to_owned(),
+            id: device.next_id(),
+            device: device.clone(),
+        };
         let allocation = buffer.allocation.as_ref().expect("just set");
         // SAFETY: the memory belongs to this allocation, is unbound, and fits the buffer's requirements.
         unsafe { device.raw.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) }

@@ -376,12 +376,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
             vk::PhysicalDeviceType::CPU => "CPU",
             _ => "other",
         },
-        api_version: format!(
-            "{}.{}.{}",
-            vk::api_version_major(v),
-            vk::api_version_minor(v),
-            vk::api_version_patch(v)
-        ),
+        api_version: format!("{}.{}.{}", vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v)),
         subgroup_size: v11.subgroup_size,
         limits: vec![
             ("maxStorageBufferRange", l.max_storage_buffer_range.into()),
@@ -421,10 +416,7 @@ fn choose(devices: &[DeviceInfo], wanted: Option<&str>) -> Result<usize> {
     };
     let index = match wanted {
         None if devices.is_empty() => {
-            return Err(Error::NoDevice {
-                problem: "no Vulkan device was found".into(),
-                cure: INSTALL_DRIVER.into(),
-            });
+            return Err(Error::NoDevice { problem: "no Vulkan device was found".into(), cure: INSTALL_DRIVER.into() });
         }
         None => devices.iter().position(|d| d.missing.is_empty()).unwrap_or(0),
         Some(wanted) => {
@@ -502,12 +494,11 @@ impl Context {
                 Ok((queue, timeline, [nearest, linear], device.create_pipeline_cache(&cache, None)?))
             })
         };
-        let (queue, timeline, samplers, pipeline_cache) = made
-            .map_err(|result| Error::Vulkan { operation: "vkCreateSemaphore", object: "timeline".into(), result })?;
+        let (queue, timeline, samplers, pipeline_cache) =
+            made.map_err(|result| Error::Vulkan { operation: "vkCreateSemaphore", object: "timeline".into(), result })?;
         let allocator = allocator
             .map_err(|e| Error::Device { pass: "memory allocation", problem: format!("no allocator: {e}") })?;
-        let debug =
-            instance.messenger.as_ref().map(|_| ash::ext::debug_utils::Device::new(&instance.raw, &device));
+        let debug = instance.messenger.as_ref().map(|_| ash::ext::debug_utils::Device::new(&instance.raw, &device));
         let shared = DeviceShared {
             raw: device,
             allocator: Mutex::new(Some(allocator)),
@@ -603,8 +594,7 @@ impl Context {
     }
 
     fn staging(&self, bytes: &[u8]) -> Result<Arc<RawBuffer>> {
-        let mut staging =
-            RawBuffer::new(&self.shared, "staging.upload", bytes.len() as u64, MemoryLocation::CpuToGpu)?;
+        let mut staging = RawBuffer::new(&self.shared, "staging.upload", bytes.len() as u64, MemoryLocation::CpuToGpu)?;
         staging.mapped_mut()[..bytes.len()].copy_from_slice(bytes);
         Ok(Arc::new(staging))
     }
@@ -680,8 +670,7 @@ impl Context {
         let layer = u64::from(image.extent()[0]) * u64::from(image.extent()[1]) * image.format().bytes();
         for range in layer_chunks(image) {
             let bytes = layer * range.len() as u64;
-            let staging =
-                Arc::new(RawBuffer::new(&self.shared, "staging.read_back", bytes, MemoryLocation::GpuToCpu)?);
+            let staging = Arc::new(RawBuffer::new(&self.shared, "staging.read_back", bytes, MemoryLocation::GpuToCpu)?);
             let mut recorder = Recorder::new(self)?;
             recorder.copy_image_to_buffer(&image.raw, &staging, range);
             recorder.host_read(&staging);
@@ -727,9 +716,8 @@ fn layer_chunks(image: &Image) -> Vec<std::ops::Range<u32>> {
 
 fn create_device(instance: &Instance, physical: vk::PhysicalDevice, probe: &Probe) -> Result<ash::Device> {
     let priorities = [1.0];
-    let queues = [vk::DeviceQueueCreateInfo::default()
-        .queue_family_index(probe.queue_family)
-        .queue_priorities(&priorities)];
+    let queues =
+        [vk::DeviceQueueCreateInfo::default().queue_family_index(probe.queue_family).queue_priorities(&priorities)];
     // SAFETY: the instance is alive.
     let has = unsafe { instance.raw.get_physical_device_features(physical) };
     // GPU-assisted validation writes its findings from the shader, and asks for these two where they exist.

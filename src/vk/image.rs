@@ -12,7 +12,6 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the variants are Vulkan's formats")]
 pub enum ImageFormat {
-    R8Uint,
     R32Uint,
     R32Float,
     Rgba16Float,
@@ -23,7 +22,6 @@ impl ImageFormat {
     /// Bytes of a texel.
     pub fn bytes(self) -> u64 {
         match self {
-            ImageFormat::R8Uint => 1,
             ImageFormat::R32Uint | ImageFormat::R32Float => 4,
             ImageFormat::Rgba16Float => 8,
             ImageFormat::Rgba32Float => 16,
@@ -32,7 +30,6 @@ impl ImageFormat {
 
     pub(super) fn to_vk(self) -> vk::Format {
         match self {
-            ImageFormat::R8Uint => vk::Format::R8_UINT,
             ImageFormat::R32Uint => vk::Format::R32_UINT,
             ImageFormat::R32Float => vk::Format::R32_SFLOAT,
             ImageFormat::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
@@ -61,8 +58,7 @@ impl RawImage {
         is_3d: bool,
         format: ImageFormat,
     ) -> Result<Self> {
-        let limit =
-            if is_3d { device.limits.max_image_dimension3_d } else { device.limits.max_image_dimension2_d };
+        let limit = if is_3d { device.limits.max_image_dimension3_d } else { device.limits.max_image_dimension2_d };
         let longest = extent.into_iter().max().unwrap_or(0);
         if longest > limit {
             return Err(Error::DeviceMemory {

@@ -61,11 +61,8 @@ impl Pipeline {
             device: device.clone(),
         };
         let set_layouts = [set_layout];
-        let ranges = [vk::PushConstantRange {
-            stage_flags: vk::ShaderStageFlags::COMPUTE,
-            offset: 0,
-            size: shader.push_bytes,
-        }];
+        let ranges =
+            [vk::PushConstantRange { stage_flags: vk::ShaderStageFlags::COMPUTE, offset: 0, size: shader.push_bytes }];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&set_layouts);
         if shader.push_bytes > 0 {
             info = info.push_constant_ranges(&ranges);
@@ -88,13 +85,11 @@ impl Pipeline {
                 entries.iter().position(|e| e.constant_id == id).map_or(default, |i| data[i])
             }
         });
-        let specialization =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&data));
+        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&data));
         let words = ash::util::read_spv(&mut std::io::Cursor::new(shader.spirv)).expect("build.rs wrote whole words");
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the words are a module that shaderc made for Vulkan 1.3.
-        let module =
-            unsafe { device.raw.create_shader_module(&info, None) }.map_err(error("vkCreateShaderModule"))?;
+        let module = unsafe { device.raw.create_shader_module(&info, None) }.map_err(error("vkCreateShaderModule"))?;
         let mut stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)

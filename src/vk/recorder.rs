@@ -270,9 +270,8 @@ impl Recorder {
             return Some(set);
         }
         if self.sets_left == 0 {
-            let sizes = [BindingKind::StorageBuffer, BindingKind::StorageImage, BindingKind::SampledImage].map(|kind| {
-                vk::DescriptorPoolSize { ty: descriptor_type(kind), descriptor_count: SETS_PER_POOL * 12 }
-            });
+            let sizes = [BindingKind::StorageBuffer, BindingKind::StorageImage, BindingKind::SampledImage]
+                .map(|kind| vk::DescriptorPoolSize { ty: descriptor_type(kind), descriptor_count: SETS_PER_POOL * 12 });
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive.
             match unsafe { self.device.raw.create_descriptor_pool(&info, None) } {
@@ -496,10 +495,8 @@ impl Recorder {
         unsafe {
             // The timeline orders submissions; the host waits on a fence, because layer 1.3.239 under GPU-assisted
             // validation never sees a timeline semaphore progress (UNASSIGNED-VkSemaphore-state-timeout).
-            self.fence = device
-                .raw
-                .create_fence(&vk::FenceCreateInfo::default(), None)
-                .map_err(error("vkCreateFence"))?;
+            self.fence =
+                device.raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(error("vkCreateFence"))?;
             device.raw.queue_submit2(*queue, &submits, self.fence).map_err(error("vkQueueSubmit2"))?;
         }
         device.timeline_value.store(before + 1, Ordering::Relaxed);

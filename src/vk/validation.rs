@@ -99,9 +99,7 @@ unsafe extern "system" fn callback(
 /// The messenger's create info; chained to the instance too, so that its creation and destruction are covered.
 pub(super) fn messenger_info(sink: &Sink) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
     vk::DebugUtilsMessengerCreateInfoEXT::default()
-        .message_severity(
-            vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
-        )
+        .message_severity(vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR)
         .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::GENERAL)
         .pfn_user_callback(Some(callback))
         .user_data(std::ptr::from_ref(sink).cast_mut().cast())
@@ -122,7 +120,8 @@ pub(super) fn find_layer(entry: &ash::Entry) -> Result<LayerSettings> {
     let found = layers.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER));
     if !found {
         return Err(Error::NoDevice {
-            problem: "validation was asked for, but the Vulkan layer VK_LAYER_KHRONOS_validation is not installed".into(),
+            problem: "validation was asked for, but the Vulkan layer VK_LAYER_KHRONOS_validation is not installed"
+                .into(),
             cure: "install it (Debian, Ubuntu: vulkan-validationlayers) or run without --validate".into(),
         });
     }

@@ -270,12 +270,12 @@ impl Volume {
     }
 
     /// Values of a range of voxels as f32, the form in which the GPU gets them: NaN becomes `nan_value` (use the
-    /// least finite value, see [`Volume::range`]) and infinities become ±f32::MAX.
+    /// least finite value, see [`Volume::range`]) and infinities and values beyond f32 become ±3e38.
     pub fn values_f32(&self, range: std::ops::Range<usize>, nan_value: f32) -> Vec<f32> {
         let (slope, intercept) = (self.slope, self.intercept);
         let convert = |stored: f64| {
             let v = (slope * stored + intercept) as f32;
-            if v.is_nan() { nan_value } else { v.clamp(f32::MIN, f32::MAX) }
+            if v.is_nan() { nan_value } else { v.clamp(-3e38, 3e38) }
         };
         for_each_type!(&self.data, v => v[range].iter().map(|&s| convert(f64::from(s))).collect())
     }

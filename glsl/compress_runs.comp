@@ -1,0 +1,72 @@
+#version 460
+#pragma use_vulkan_memory_model
+#extension GL_GOOGLE_include_directive : require
+// Compress 1: runs of equal hash along the linear voxel order -> (hash, base) per run, and every voxel's run. Hashing,
+// head flags, scan and writing in one pass: no flag array in memory (the paper's hash and first compression steps).
+// Grid: one workgroup per tile of WORKGROUP * ROWS voxels, any shape, tiles by ticket.
+#define STATUS_BINDING 6
+#include "include/scene.glsl"
+#include "include/proxy.glsl"
+#include "include/tile_rows.glsl"
+
+layout(set = 0, binding = 1) uniform usampler3D color;
+// Hash of every run.
+layout(set = 0, binding = 2, scalar) writeonly buffer RunHash { uint run_hash[]; };
+// First voxel of every run.
+layout(set = 0, binding = 3, scalar) writeonly buffer RunBase { uint run_base[]; };
+// Payload of the sort: the run's own number.
+layout(set = 0, binding = 4, scalar) writeonly buffer RunNumber { uint run_number[]; };
+layout(set = 0, binding = 5, scalar) buffer ProxyControl { uint proxy_control[]; };
+layout(set = 0, binding = 8, r32ui) writeonly uniform uimage3D bucket_id;
+
+layout(push_constant, scalar) uniform CompressRunsPush {
+    // Voxels of the volume.
+    uint count;
+    // Runs that fit into the lists. What lies beyond is counted, not written.
+    uint capacity;
+};
+
+uint hash_at(uint voxel) {
+    return hash_color(texelFetch(color, ivec3(voxel_from_linear(voxel)), 0).r, proxy_control[PROXY_MASK]);
+}
+
+// 1 where a run begins.
+uint tile_item(uint voxel) {
+    if (voxel >= count) {
+        return 0u;
+    }
+    return voxel == 0u || hash_at(voxel) != hash_at(voxel - 1u) ? 1u : 0u;
+}
+
+void main() {
+    uint tile = take_tile(LOOKBACK_TICKET);
+    uint tiles = (count + TILE - 1u) / TILE;
+    if (tile >= tiles) {
+        return;
+    }
+    uint is_head[ROWS];
+    uint before[ROWS];
+    [[unroll]] for (uint row = 0u; row < ROWS; row++) {
+        is_head[row] = tile_item(item_index(tile, row));
+        before[row] = is_head[row];
+    }
+    TileScan scan = scan_tile(tile, exclusive_rows(before));
+    if (scan.failed) {
+        return;
+    }
+    [[unroll]] for (uint row = 0u; row < ROWS; row++) {
+        uint voxel = item_index(tile, row);
+        if (voxel < count) {
+            uint run = scan.before + before[row] + is_head[row] - 1u;
+            imageStore(bucket_id, ivec3(voxel_from_linear(voxel)), uvec4(run));
+            if (is_head[row] != 0u && run < capacity) {
+                run_hash[run] = hash_at(voxel);
+                run_base[run] = voxel;
+                run_number[run] = run;
+            }
+        }
+    }
+    if (tile == tiles - 1u && linear_index() == 0u) {
+        proxy_control[PROXY_FOUND] = scan.inclusive;
+    }
+}

@@ -1,0 +1,29 @@
+// What the passes of the proxy share: its control words, and the hash.
+#ifndef PROXY_GLSL
+#define PROXY_GLSL
+#include "constants.glsl"
+
+// The bits of `color` that `mask` keeps, packed together: the hash. Distinct masked colours have distinct hashes.
+uint hash_color(uint color, uint mask) {
+    uint hash = 0u;
+    uint place = 0u;
+    for (uint bit = 0u; bit < 32u; bit++) {
+        uint kept = mask >> bit & 1u;
+        hash |= (color >> bit & kept) << min(place, 31u); // place < 32 wherever kept is 1
+        place += kept;
+    }
+    return hash;
+}
+
+// The masked colour of a hash: the inverse of hash_color.
+uint color_of_hash(uint hash, uint mask) {
+    uint color = 0u;
+    uint place = 0u;
+    for (uint bit = 0u; bit < 32u; bit++) {
+        uint kept = mask >> bit & 1u;
+        color |= (hash >> min(place, 31u) & kept) << bit;
+        place += kept;
+    }
+    return color;
+}
+#endif

@@ -1,0 +1,30 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Occupancy: 0 for the macrocells in which a ray can meet extinction, else the largest distance (distance.comp refines it).
+// Interpolation reaches one voxel beyond a cell.
+// Grid: one invocation per cell, 4 x 4 x 4 workgroups.
+#include "include/scene.glsl"
+
+layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
+
+layout(set = 0, binding = 1) uniform sampler3D field;
+layout(set = 0, binding = 2, r32ui) writeonly uniform uimage3D occupancy;
+
+void main() {
+    uvec3 cell = gl_GlobalInvocationID;
+    if (any(greaterThanEqual(cell * CELL_SIZE, scene.dims))) {
+        return;
+    }
+    ivec3 low = max(ivec3(cell * CELL_SIZE) - 1, ivec3(0));
+    ivec3 high = min(ivec3(cell * CELL_SIZE + CELL_SIZE), ivec3(scene.dims) - 1);
+    // At most (CELL_SIZE + 2)³ iterations.
+    bool occupied = false;
+    for (int z = low.z; z <= high.z && !occupied; z++) {
+        for (int y = low.y; y <= high.y && !occupied; y++) {
+            for (int x = low.x; x <= high.x; x++) {
+                occupied = occupied || texelFetch(field, ivec3(x, y, z), 0).a > 0.0;
+            }
+        }
+    }
+    imageStore(occupancy, ivec3(cell), uvec4(occupied ? 0u : MAX_EMPTINESS));
+}

@@ -1,0 +1,74 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Local shading (Levoy 1988 with Blinn's half vector): the transfer function's colour, lit by gradient and lights, as
+// the source that the camera integrates. No shadows, no scattering.
+// Grid: one invocation per voxel of a chunk of the active list.
+#define ACTIVE_BINDING 2
+#include "include/transfer.glsl"
+#include "include/active.glsl"
+#include "include/sphere.glsl"
+
+layout(local_size_x_id = 0) in;
+
+struct LightData {
+    vec3 vector;
+    uint is_point;
+    vec3 power;
+};
+
+layout(set = 0, binding = 4, scalar) readonly buffer Lights { LightData lights[]; };
+layout(set = 0, binding = 5) uniform sampler3D scalar;
+layout(set = 0, binding = 6, rgba16f) writeonly uniform image3D total;
+
+layout(push_constant, scalar) uniform PhongPush {
+    uint chunk_begin;
+    uint chunk_items;
+    uint lights_count;
+    // Mean radiance of the environment: the ambient light.
+    vec3 ambient;
+};
+
+const float SPECULAR = 0.25;
+const float SHININESS = 40.0;
+
+float scalar_at(ivec3 voxel) {
+    return texelFetch(scalar, clamp(voxel, ivec3(0), ivec3(scene.dims) - 1), 0).r;
+}
+
+void main() {
+    uint item = gl_GlobalInvocationID.x;
+    if (item >= items_in_chunk(chunk_begin, chunk_items)) {
+        return;
+    }
+    ivec3 voxel = ivec3(voxel_from_linear(active_voxels[chunk_begin + item]));
+    Material m = classify(scalar_at(voxel));
+    vec3 world = world_from_index(vec3(voxel) + 0.5);
+    vec3 slope = vec3(
+        scalar_at(voxel + ivec3(1, 0, 0)) - scalar_at(voxel - ivec3(1, 0, 0)),
+        scalar_at(voxel + ivec3(0, 1, 0)) - scalar_at(voxel - ivec3(0, 1, 0)),
+        scalar_at(voxel + ivec3(0, 0, 1)) - scalar_at(voxel - ivec3(0, 0, 1)));
+    // Gradients are covectors: they turn with the transposed inverse, whose rows are the columns of world-to-index.
+    vec3 gradient = vec3(dot(scene.index_of_x, slope), dot(scene.index_of_y, slope), dot(scene.index_of_z, slope));
+    vec3 to_eye = normalize(scene.eye - world);
+    float steepness = length(gradient);
+    vec3 normal = steepness > 0.0 ? gradient / steepness : to_eye;
+    // Surfaces are lit on the side that is seen.
+    normal *= dot(normal, to_eye) < 0.0 ? -1.0 : 1.0;
+    vec3 lit = m.color * ambient;
+    for (uint l = 0u; l < lights_count; l++) {
+        LightData light = lights[l];
+        vec3 to_light = -light.vector;
+        vec3 irradiance = light.power;
+        if (light.is_point != 0u) {
+            to_light = light.vector - world;
+            float d = max(length(to_light), 0.5 * scene.mean_spacing);
+            to_light /= d;
+            irradiance /= d * d;
+        }
+        float facing = max(0.0, dot(normal, to_light));
+        float shine = facing > 0.0 ? pow(max(0.0, dot(normal, normalize(to_light + to_eye))), SHININESS) : 0.0;
+        lit += irradiance / PI * (m.color * facing + SPECULAR * shine);
+    }
+    float extinction = m.extinction / scene.max_extinction;
+    imageStore(total, voxel, vec4(min(lit * extinction * scene.radiance_scale, MAX_HALF), extinction));
+}

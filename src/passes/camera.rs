@@ -1,0 +1,74 @@
+//! The camera (`glsl/camera.comp`): one ray per pixel and sample.
+
+use super::scene_data::SceneData;
+use super::{order_compute, ray_iterations};
+use crate::abi::CameraPush;
+use crate::scene::Background;
+use crate::shaders::{self, constants};
+use crate::vk::{Context, Filter, Image, ImageFormat, Pipeline, Recorder};
+use crate::{Error, Result};
+
+/// The pass.
+pub struct Camera {
+    pipeline: Pipeline,
+    step: f32,
+    samples: u32,
+}
+
+impl Camera {
+    /// Makes the pipeline.
+    ///
+    /// Errors: rays of `step` voxels through the volume take more iterations than an invocation may run.
+    pub fn new(ctx: &Context, scene: &SceneData, background: Background, step: f32, samples: u32) -> Result<Self> {
+        let longest = ray_iterations(scene.params.dims, step);
+        if longest > constants::MAX_ITERATIONS {
+            return Err(Error::input(
+                "--camera-step",
+                format!("{step} voxels make rays of {longest} steps, more than {}", constants::MAX_ITERATIONS),
+                "use longer steps",
+            ));
+        }
+        let behind = match background {
+            Background::Transparent => constants::BACKGROUND_TRANSPARENT,
+            Background::Color(_) => constants::BACKGROUND_COLOR,
+            Background::Environment => constants::BACKGROUND_ENVIRONMENT,
+        };
+        let specialization = [("ENVIRONMENT", scene.environment), ("BACKGROUND", behind)];
+        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::CAMERA, &specialization)?, step, samples })
+    }
+
+    /// An image for a picture of `size` pixels: linear RGB premultiplied by alpha.
+    pub fn picture(ctx: &Context, size: [u32; 2]) -> Result<Image> {
+        ctx.image_2d("picture", size, ImageFormat::Rgba32Float)
+    }
+
+    /// Adds sample `sample` of the pixels in rows `rows` to `picture`. Ordered after all compute accesses before.
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        emptiness: &Image,
+        total: &Image,
+        picture: &Image,
+        sample: u32,
+        rows: std::ops::Range<u32>,
+    ) {
+        order_compute(rec);
+        let push = CameraPush {
+            row_begin: rows.start,
+            row_end: rows.end,
+            sample_index: sample,
+            samples: self.samples,
+            step_voxels: self.step,
+        };
+        let binds = [
+            ("scene_block", scene.block.bind()),
+            ("total", total.sampled(Filter::Linear)),
+            ("emptiness", emptiness.sampled(Filter::Nearest)),
+            ("environment_image", scene.environment_image.sampled(Filter::Nearest)),
+            ("picture", picture.storage()),
+        ];
+        let groups = [scene.params.size[0].div_ceil(8), (rows.end - rows.start).div_ceil(8), 1];
+        rec.dispatch(&self.pipeline, &binds, &push, groups);
+    }
+}

@@ -1,0 +1,191 @@
+//! The list of active voxels (`glsl/compact.comp`), and kernels over it in chunks (`glsl/chunk_args.comp`).
+//!
+//! A volume may have more voxels than one storage buffer holds words, so the list is split: each segment lists a range
+//! of linear voxel indices.
+
+use super::lookback::{self, Diagnostics};
+use super::scene_data::SceneData;
+use super::{LIST_WORKGROUP, order_compute};
+use crate::Result;
+use crate::abi::{ChunkArgsPush, CompactPush};
+use crate::shaders::{self, constants};
+use crate::vk::{Access, Buffer, Context, Filter, Image, Pipeline, Recorder};
+
+/// Invocations of a workgroup of `compact.comp`, and voxels of each.
+const WORKGROUP: u32 = 256;
+const ROWS: u32 = 16;
+
+/// The list of active voxels.
+pub struct ActiveList {
+    segments: Vec<Segment>,
+    chunk_items: u32,
+    pipeline: Pipeline,
+    args: Pipeline,
+    status: Buffer<u32>,
+    diagnostics: Diagnostics,
+}
+
+struct Segment {
+    first: u32,
+    voxels: u32,
+    list: Buffer<u32>,
+    header: Buffer<u32>,
+    /// Chunks that may have items: all until [`ActiveList::read_counts`], then those that do.
+    chunks: u32,
+}
+
+/// Arguments of indirect dispatches over all chunks of the list.
+pub struct ChunkArgs {
+    buffers: Vec<Buffer<u32>>,
+}
+
+/// One chunk of the list, as kernels see it.
+pub struct Chunk<'a> {
+    pub(super) list: &'a Buffer<u32>,
+    pub(super) header: &'a Buffer<u32>,
+    /// First item in the segment's list.
+    pub begin: u32,
+    /// Items of a full chunk.
+    pub items: u32,
+    segment: usize,
+    index: u32,
+}
+
+impl Chunk<'_> {
+    /// Runs a kernel over this chunk with the arguments made for it.
+    pub(super) fn dispatch<P: bytemuck::Pod>(
+        &self,
+        rec: &mut Recorder,
+        pipeline: &Pipeline,
+        binds: &[(&str, crate::vk::Bind<'_>)],
+        push: &P,
+        args: &ChunkArgs,
+    ) {
+        let mut all = vec![("active_voxels", self.list.bind()), ("list_header", self.header.bind())];
+        all.extend_from_slice(binds);
+        rec.dispatch_indirect(pipeline, &all, push, &args.buffers[self.segment], 3 * self.index as usize);
+    }
+}
+
+impl ActiveList {
+    /// Memory for the active voxels of a volume, to be worked on in chunks of `chunk_items`. `segment_voxels` limits
+    /// the voxels of a segment; `None`: as many as a storage buffer takes.
+    pub fn new(ctx: &Context, scene: &SceneData, chunk_items: u32, segment_voxels: Option<u32>) -> Result<Self> {
+        let voxels = scene.voxels();
+        let most = (ctx.max_storage_bytes() / 4).min(u64::from(lookback::MAX_ITEMS));
+        let step = segment_voxels.map_or(most, |s| most.min(u64::from(s)));
+        let mut segments = Vec::new();
+        let mut first = 0u64;
+        while first < voxels {
+            let count = step.min(voxels - first) as u32;
+            segments.push(Segment {
+                first: first as u32,
+                voxels: count,
+                list: ctx.device_buffer("active voxels", count as usize)?,
+                header: ctx.upload("active voxels.header", &[0u32; 1])?,
+                chunks: count.div_ceil(chunk_items),
+            });
+            first += u64::from(count);
+        }
+        let longest = segments.iter().map(|s| s.voxels).max().unwrap_or(0);
+        let specialization = lookback_constants(ctx);
+        Ok(Self {
+            segments,
+            chunk_items,
+            pipeline: Pipeline::new(ctx, &shaders::COMPACT, &specialization)?,
+            args: Pipeline::new(ctx, &shaders::CHUNK_ARGS, &[("WORKGROUP", LIST_WORKGROUP)])?,
+            status: ctx.device_buffer("compact.status", lookback::status_words(longest.div_ceil(WORKGROUP * ROWS)))?,
+            diagnostics: Diagnostics::new(ctx)?,
+        })
+    }
+
+    /// Lists the voxels of `field` with extinction. Ordered after all compute accesses before; ends with the lists
+    /// written by compute.
+    pub fn record(&self, rec: &mut Recorder, scene: &SceneData, field: &Image) {
+        for segment in &self.segments {
+            rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+            rec.fill(&self.status, 0);
+            rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+            order_compute(rec);
+            rec.dispatch(
+                &self.pipeline,
+                &[
+                    ("scene_block", scene.block.bind()),
+                    ("field", field.sampled(Filter::Nearest)),
+                    ("active_voxels", segment.list.bind()),
+                    ("list_header", segment.header.bind()),
+                    ("status", self.status.bind()),
+                    ("diagnostics", self.diagnostics.buffer().bind()),
+                ],
+                &CompactPush { first: segment.first, count: segment.voxels },
+                lookback::grid(segment.voxels.div_ceil(WORKGROUP * ROWS)),
+            );
+        }
+    }
+
+    /// Reads how many voxels are active, so that no chunk is recorded that has none, and checks the scan's report.
+    /// A wait for the device, made once per scene: it belongs to the set-up, not to the iterations.
+    pub fn read_counts(&mut self, ctx: &Context) -> Result<u64> {
+        self.diagnostics.check(ctx, "compact")?;
+        let mut total = 0;
+        for segment in &mut self.segments {
+            let count = ctx.read_back(&segment.header)?[constants::LIST_COUNT as usize];
+            segment.chunks = count.div_ceil(self.chunk_items);
+            total += u64::from(count);
+        }
+        Ok(total)
+    }
+
+    /// Linear indices of the active voxels, for tests.
+    pub fn read_back(&self, ctx: &Context) -> Result<Vec<u32>> {
+        let mut all = Vec::new();
+        for segment in &self.segments {
+            let count = ctx.read_back(&segment.header)?[constants::LIST_COUNT as usize];
+            all.extend(ctx.read_back_range(&segment.list, 0..count as usize)?);
+        }
+        Ok(all)
+    }
+
+    /// Arguments for kernels of `workgroup` invocations along x and `groups_y` workgroups along y, one dispatch per
+    /// chunk. Ordered after all compute accesses; ends ordered before [`Access::IndirectRead`].
+    pub fn chunk_args(&self, ctx: &Context, rec: &mut Recorder, groups_y: u32) -> Result<ChunkArgs> {
+        let mut buffers = Vec::new();
+        order_compute(rec);
+        for segment in &self.segments {
+            let args = ctx.device_buffer("chunk args", 3 * segment.chunks as usize)?;
+            let push = ChunkArgsPush {
+                chunks: segment.chunks,
+                chunk_items: self.chunk_items,
+                workgroup: LIST_WORKGROUP,
+                groups_y,
+            };
+            let binds = [("list_header", segment.header.bind()), ("args", args.bind())];
+            rec.dispatch(&self.args, &binds, &push, [segment.chunks.div_ceil(LIST_WORKGROUP), 1, 1]);
+            buffers.push(args);
+        }
+        rec.barrier(Access::ComputeWrite, Access::IndirectRead);
+        Ok(ChunkArgs { buffers })
+    }
+
+    /// All chunks.
+    pub fn chunks(&self) -> impl Iterator<Item = Chunk<'_>> {
+        self.segments.iter().enumerate().flat_map(move |(i, segment)| {
+            (0..segment.chunks).map(move |index| Chunk {
+                list: &segment.list,
+                header: &segment.header,
+                begin: index * self.chunk_items,
+                items: self.chunk_items,
+                segment: i,
+                index,
+            })
+        })
+    }
+}
+
+/// Specialization of a kernel with `tile_rows.glsl`.
+pub(super) fn lookback_constants(ctx: &Context) -> [(&'static str, u32); 3] {
+    [("WORKGROUP", WORKGROUP), ("SUBGROUP_MIN", ctx.min_subgroup_size()), ("ROWS", ROWS)]
+}
+
+/// Items of a tile of such a kernel.
+pub(super) const TILE: u32 = WORKGROUP * ROWS;

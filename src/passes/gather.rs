@@ -1,0 +1,284 @@
+//! The gather of one scattering order (DESIGN section 2): candidates estimated in the proxy (`gather_proxy.comp`), some
+//! of them chosen (`gather_select.comp`), those traced in the data (`gather_trace.comp`).
+
+use super::compact::{ActiveList, Chunk, ChunkArgs};
+use super::proxy::Proxy;
+use super::scene_data::SceneData;
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use crate::Result;
+use crate::abi::{GatherProxyPush, GatherSelectPush, GatherTracePush};
+use crate::scene::{Sampling, Settings};
+use crate::shaders::{self, constants};
+use crate::vk::{Bind, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
+
+/// The macrocells' image.
+pub type Cells<'a> = &'a Image;
+
+/// Source of one order: A and extinction, and for g ≠ 0 B by component (`contribute.glsl`).
+#[derive(Clone)]
+pub struct Source {
+    /// rgb = A, a = extinction.
+    pub a: Image,
+    /// B's x, y, z; a 1×1×1 image where g = 0.
+    pub b: [Image; 3],
+}
+
+/// What a pass adds an order's light to.
+pub struct Orders<'a> {
+    /// The next order's source; anything where there is no next order.
+    pub next: &'a Source,
+    /// rgb = what the eye sees of all orders so far, a = extinction.
+    pub total: &'a Image,
+}
+
+impl Source {
+    /// Images for a source. Zeroed by [`Source::clear`], not here.
+    pub fn new(ctx: &Context, name: [&str; 4], dims: [u32; 3], is_anisotropic: bool) -> Result<Self> {
+        let small = if is_anisotropic { dims } else { [1; 3] };
+        Ok(Self {
+            a: ctx.image_3d(name[0], dims, ImageFormat::Rgba16Float)?,
+            b: [
+                ctx.image_3d(name[1], small, ImageFormat::Rgba16Float)?,
+                ctx.image_3d(name[2], small, ImageFormat::Rgba16Float)?,
+                ctx.image_3d(name[3], small, ImageFormat::Rgba16Float)?,
+            ],
+        })
+    }
+
+    /// Sets everything to zero ([`crate::vk::Access::TransferWrite`]).
+    pub fn clear(&self, rec: &mut Recorder) {
+        rec.clear_image(&self.a);
+        for b in &self.b {
+            rec.clear_image(b);
+        }
+    }
+}
+
+impl<'a> Orders<'a> {
+    pub(super) fn written(&self) -> [(&'static str, Bind<'a>); 5] {
+        [
+            ("next_a", self.next.a.storage()),
+            ("total", self.total.storage()),
+            ("next_x", self.next.b[0].storage()),
+            ("next_y", self.next.b[1].storage()),
+            ("next_z", self.next.b[2].storage()),
+        ]
+    }
+}
+
+/// How one gather chooses its directions.
+#[derive(Clone, Copy, Debug)]
+pub struct GatherConfig {
+    /// Choice of directions.
+    pub sampling: Sampling,
+    /// M.
+    pub candidates: u32,
+    /// N.
+    pub directions: u32,
+    /// β of `resample`.
+    pub defence: f32,
+    /// Step of traced rays in voxels.
+    pub step: f32,
+    /// Step of proxy rays in voxels.
+    pub proxy_step: f32,
+}
+
+impl GatherConfig {
+    /// The settings' choice.
+    pub fn of(settings: &Settings) -> Self {
+        Self {
+            sampling: settings.sampling,
+            candidates: settings.candidates,
+            directions: settings.directions,
+            defence: settings.defence,
+            step: settings.gather_step,
+            proxy_step: settings.proxy_step,
+        }
+    }
+
+    /// Does it estimate candidates in the proxy?
+    pub fn uses_proxy(&self) -> bool {
+        self.sampling != Sampling::Phase
+    }
+
+    /// Largest number of list items per chunk that keeps the chunk's lists within `bytes`.
+    pub fn max_chunk(&self, bytes: u64) -> u32 {
+        if self.uses_proxy() {
+            let per_item = 4 * u64::from(self.candidates).max(2 * u64::from(self.directions));
+            (bytes / per_item).min(1 << 30) as u32
+        } else {
+            1 << 30
+        }
+    }
+}
+
+/// The pass.
+pub struct Gather {
+    config: GatherConfig,
+    /// `gather_proxy.comp` and `gather_select.comp`, where the sampling has candidates.
+    candidates: Option<[Pipeline; 2]>,
+    trace: Pipeline,
+    weights: Buffer<f32>,
+    chosen: Buffer<[u32; 2]>,
+    /// Candidates of one invocation of `gather_proxy.comp`.
+    block: u32,
+}
+
+/// Arguments of the three kernels' dispatches.
+pub struct GatherArgs {
+    candidates: Option<[ChunkArgs; 2]>,
+    trace: ChunkArgs,
+}
+
+impl Gather {
+    /// Makes the pipelines and the lists of a chunk of `chunk_items`.
+    pub fn new(
+        ctx: &Context,
+        scene: &SceneData,
+        config: GatherConfig,
+        chunk_items: u32,
+        has_next: bool,
+    ) -> Result<Self> {
+        let sampling = match config.sampling {
+            Sampling::Phase => constants::SAMPLING_PHASE,
+            Sampling::Top => constants::SAMPLING_TOP,
+            Sampling::Resample => constants::SAMPLING_RESAMPLE,
+        };
+        let items = if config.uses_proxy() { chunk_items as usize } else { 1 };
+        let trace = [
+            ("WORKGROUP", LIST_WORKGROUP),
+            ("ANISOTROPIC", (scene.params.g != 0.0).into()),
+            ("HAS_NEXT", has_next.into()),
+            ("SAMPLING", sampling),
+        ];
+        let workgroup = ("WORKGROUP", LIST_WORKGROUP);
+        let candidates = if config.uses_proxy() {
+            let select = [workgroup, ("SAMPLING", sampling)];
+            Some([
+                Pipeline::new(ctx, &shaders::GATHER_PROXY, &[workgroup])?,
+                Pipeline::new(ctx, &shaders::GATHER_SELECT, &select)?,
+            ])
+        } else {
+            None
+        };
+        Ok(Self {
+            candidates,
+            trace: Pipeline::new(ctx, &shaders::GATHER_TRACE, &trace)?,
+            weights: ctx.device_buffer("gather.weights", items * config.candidates as usize)?,
+            chosen: ctx.device_buffer("gather.chosen", items * config.directions as usize)?,
+            block: rays_per_invocation(scene.params.dims, config.proxy_step).min(config.candidates),
+            config,
+        })
+    }
+
+    /// Rough cost per voxel in traced rays: a proxy ray costs a part of one.
+    pub fn rays(&self) -> f64 {
+        let estimated = if self.candidates.is_some() { 0.3 * f64::from(self.config.candidates) } else { 0.0 };
+        f64::from(self.config.directions) + estimated
+    }
+
+    /// Dispatch arguments for all chunks of the list; see [`ActiveList::chunk_args`].
+    pub fn args(&self, ctx: &Context, rec: &mut Recorder, list: &ActiveList) -> Result<GatherArgs> {
+        let ranks = if self.config.sampling == Sampling::Top { self.config.candidates } else { 1 };
+        let candidates = if self.candidates.is_some() {
+            let blocks = self.config.candidates.div_ceil(self.block);
+            Some([list.chunk_args(ctx, rec, blocks)?, list.chunk_args(ctx, rec, ranks)?])
+        } else {
+            None
+        };
+        Ok(GatherArgs { candidates, trace: list.chunk_args(ctx, rec, 1)? })
+    }
+
+    /// Gathers a chunk: scatters once more the light of `source`, adds it to `orders.total`, and to `orders.next` if
+    /// there is a next order. `stream` keeps the random numbers of orders apart. `proxy` must be built from `source`
+    /// where the sampling uses it. `is_first`: nothing has written `orders.next` of this order yet.
+    ///
+    /// Ordered after all compute accesses before; ends with these images written by compute.
+    #[allow(clippy::too_many_arguments, reason = "what the kernels read and write is named one by one")]
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        cells: Cells<'_>,
+        chunk: &Chunk<'_>,
+        args: &GatherArgs,
+        proxy: Option<&Proxy>,
+        source: &Source,
+        orders: &Orders<'_>,
+        stream: u32,
+        is_first: bool,
+    ) {
+        let c = &self.config;
+        let (chunk_begin, chunk_items, order) = (chunk.begin, chunk.items, stream);
+        order_compute(rec);
+        if let Some([estimate, select]) = &self.candidates {
+            let (proxy, [estimate_args, select_args]) = proxy.zip(args.candidates.as_ref()).expect("a built proxy");
+            rec.begin_pass("gather.proxy", stream);
+            let push = GatherProxyPush {
+                chunk_begin,
+                chunk_items,
+                order,
+                candidates: c.candidates,
+                block: self.block,
+                step_voxels: c.proxy_step,
+            };
+            let binds = [
+                ("scene_block", scene.block.bind()),
+                ("emptiness", cells.sampled(Filter::Nearest)),
+                ("bucket_id", proxy.bucket_id.sampled(Filter::Nearest)),
+                ("bucket_light", proxy.bucket_light.bind()),
+                ("weights", self.weights.bind()),
+            ];
+            chunk.dispatch(rec, estimate, &binds, &push, estimate_args);
+            rec.end_pass();
+            order_compute(rec);
+            rec.begin_pass("gather.select", stream);
+            let push = GatherSelectPush {
+                chunk_begin,
+                chunk_items,
+                order,
+                candidates: c.candidates,
+                directions: c.directions,
+                defence: c.defence,
+            };
+            let binds =
+                [("scene_block", scene.block.bind()), ("weights", self.weights.bind()), ("chosen", self.chosen.bind())];
+            chunk.dispatch(rec, select, &binds, &push, select_args);
+            rec.end_pass();
+            order_compute(rec);
+        }
+        rec.begin_pass("gather.trace", stream);
+        let per_dispatch = rays_per_invocation(scene.params.dims, c.step);
+        let lattice = if c.uses_proxy() { c.candidates } else { c.directions };
+        for begin in (0..c.directions).step_by(per_dispatch as usize) {
+            if begin > 0 {
+                order_compute(rec);
+            }
+            let push = GatherTracePush {
+                chunk_begin,
+                chunk_items,
+                order,
+                lattice,
+                slot_begin: begin,
+                slot_end: c.directions.min(begin + per_dispatch),
+                directions: c.directions,
+                first: (is_first && begin == 0).into(),
+                step_voxels: c.step,
+            };
+            let mut binds = vec![
+                ("scene_block", scene.block.bind()),
+                ("transfer_block", scene.transfer.bind()),
+                ("emptiness", cells.sampled(Filter::Nearest)),
+                ("scalar", scene.scalar.sampled(Filter::Nearest)),
+                ("source_a", source.a.sampled(Filter::Linear)),
+                ("source_x", source.b[0].sampled(Filter::Linear)),
+                ("source_y", source.b[1].sampled(Filter::Linear)),
+                ("source_z", source.b[2].sampled(Filter::Linear)),
+                ("chosen", self.chosen.bind()),
+            ];
+            binds.extend(orders.written());
+            chunk.dispatch(rec, &self.trace, &binds, &push, &args.trace);
+        }
+        rec.end_pass();
+    }
+}

@@ -1,0 +1,379 @@
+//! The hash-bucket proxy of the volume's current colours (DESIGN section 2), rebuilt on the GPU for every order:
+//! hash (`source_max.comp`, `encode.comp`), compress 1 (`compress_runs.comp`), sort, compress 2
+//! (`compress_buckets.comp`), decompress (`decompress.comp`).
+//!
+//! Differences from the paper: the sort's payload is the run's number, not its base, since a number gives base and size
+//! with one read each; bucketBase is the scan of bucketSize, positions in the voxels ordered by hash.
+//! Counts never leave the GPU. If there are more runs than the lists hold, the pass tries coarser masks by itself
+//! (`proxy_plan.comp`), and the mask in use is reported.
+
+use super::classify::voxel_grid;
+use super::compact::{ActiveList, ChunkArgs, TILE, lookback_constants};
+use super::lookback::{self, Count, Diagnostics, DispatchArgs};
+use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
+use super::scan::{Scan, ScanConfig, ScanScratch};
+use super::scene_data::SceneData;
+use super::{LIST_WORKGROUP, order_compute};
+use crate::Result;
+use crate::abi::{BucketLightPush, ChunkPush, CompressBucketsPush, CompressRunsPush, ProxyPlanPush};
+use crate::shaders::{self, constants};
+use crate::vk::{Access, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
+
+/// Options of a [`Proxy`].
+#[derive(Clone, Copy, Debug)]
+pub struct ProxyConfig {
+    /// Bits of (R, G, B, A) that the hash keeps.
+    pub mask: [u8; 4],
+    /// Runs that the lists hold; `None`: one per voxel, as far as a storage buffer goes.
+    pub capacity: Option<u32>,
+    /// For tests: every bucketColor is set to zero after the build, which makes all candidates look the same.
+    pub zero_colors: bool,
+}
+
+/// The proxy with all its memory.
+pub struct Proxy {
+    config: ProxyConfig,
+    capacity: u32,
+    bytes: u64,
+    source_max_pass: Pipeline,
+    encode: Pipeline,
+    plan: Pipeline,
+    compress_runs: Pipeline,
+    compress_buckets: Pipeline,
+    bucket_light_pass: Pipeline,
+    decompress: Pipeline,
+    sort: RadixSort,
+    sort_scratch: RadixSortScratch,
+    scan: Scan,
+    scan_scratch: ScanScratch,
+    args_pass: DispatchArgs,
+    run_args: Buffer<u32>,
+    bucket_args: Buffer<u32>,
+    plan_args: Buffer<u32>,
+    status: Buffer<u32>,
+    diagnostics: Diagnostics,
+    source_max: Buffer<u32>,
+    control: Buffer<u32>,
+    run_hash: Buffer<u32>,
+    run_base: Buffer<u32>,
+    run_number: Buffer<u32>,
+    run_bucket: Buffer<u32>,
+    color: Image,
+    tables: BucketTable,
+    pub(super) bucket_id: Image,
+    pub(super) bucket_light: Buffer<u32>,
+}
+
+/// The paper's bucket table.
+struct BucketTable {
+    color: Buffer<u32>,
+    hash: Buffer<u32>,
+    base: Buffer<u32>,
+    size: Buffer<u32>,
+}
+
+/// What one build found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProxyCounts {
+    /// Runs of equal hash.
+    pub runs: u32,
+    /// Buckets.
+    pub buckets: u32,
+    /// Mask in use: the configured one or a coarser one.
+    pub mask: u32,
+}
+
+/// A proxy read back, for tests.
+#[derive(Clone, Debug)]
+pub struct ProxyContents {
+    /// Counts and mask.
+    pub counts: ProxyCounts,
+    /// Colour of every voxel before masking, x fastest.
+    pub color: Vec<u32>,
+    /// Bucket of every voxel.
+    pub bucket_id: Vec<u32>,
+    /// bucketColor.
+    pub bucket_color: Vec<u32>,
+    /// hashValue.
+    pub hash_value: Vec<u32>,
+    /// bucketBase.
+    pub bucket_base: Vec<u32>,
+    /// bucketSize.
+    pub bucket_size: Vec<u32>,
+}
+
+/// A per-channel mask as the kernels use it: R in the lowest byte.
+pub fn mask_word(mask: [u8; 4]) -> u32 {
+    u32::from_le_bytes(mask)
+}
+
+/// Coarser masks that may be tried: after eight every channel has lost all its bits, and one run is left.
+const MAX_RETRIES: u32 = 8;
+
+impl Proxy {
+    /// Makes the pipelines and allocates everything for the volume of `scene`.
+    pub fn new(ctx: &Context, scene: &SceneData, config: ProxyConfig) -> Result<Self> {
+        let voxels = u32::try_from(scene.voxels()).unwrap_or(u32::MAX);
+        let most = (ctx.max_storage_bytes() / 4).min(u64::from(lookback::MAX_ITEMS)) as u32;
+        let capacity = config.capacity.unwrap_or(u32::MAX).min(voxels).min(most).max(1);
+        let bits = mask_word(config.mask).count_ones();
+        // A hash of b bits has at most 2^b values.
+        let buckets = if bits < 31 { capacity.min(1 << bits) } else { capacity };
+        let specialization = lookback_constants(ctx);
+        let list = [("WORKGROUP", LIST_WORKGROUP)];
+        let sort = RadixSort::new(ctx, RadixSortConfig::default())?;
+        let scan = Scan::new(ctx, ScanConfig::default())?;
+        let tiles = voxels.div_ceil(TILE);
+        let runs = |name| ctx.device_buffer::<u32>(name, capacity as usize);
+        let table = |name| ctx.device_buffer::<u32>(name, buckets as usize);
+        let dims = scene.params.dims;
+        let mut proxy = Self {
+            capacity,
+            bytes: 0,
+            source_max_pass: Pipeline::new(ctx, &shaders::SOURCE_MAX, &list)?,
+            encode: Pipeline::new(ctx, &shaders::ENCODE, &list)?,
+            plan: Pipeline::new(ctx, &shaders::PROXY_PLAN, &[])?,
+            compress_runs: Pipeline::new(ctx, &shaders::COMPRESS_RUNS, &specialization)?,
+            compress_buckets: Pipeline::new(ctx, &shaders::COMPRESS_BUCKETS, &specialization)?,
+            bucket_light_pass: Pipeline::new(ctx, &shaders::BUCKET_LIGHT, &list)?,
+            decompress: Pipeline::new(ctx, &shaders::DECOMPRESS, &[])?,
+            sort_scratch: sort.scratch(ctx, capacity)?,
+            scan_scratch: scan.scratch(ctx, buckets)?,
+            args_pass: DispatchArgs::new(ctx)?,
+            run_args: DispatchArgs::buffer(ctx, "proxy.run_args")?,
+            bucket_args: DispatchArgs::buffer(ctx, "proxy.bucket_args")?,
+            plan_args: ctx.device_buffer("proxy.plan_args", 3)?,
+            status: ctx.device_buffer("proxy.status", lookback::status_words(tiles))?,
+            diagnostics: Diagnostics::new(ctx)?,
+            source_max: ctx.device_buffer("proxy.source_max", 1)?,
+            control: ctx.upload("proxy.control", &[0u32; constants::PROXY_WORDS as usize])?,
+            run_hash: runs("proxy.run_hash")?,
+            run_base: runs("proxy.run_base")?,
+            run_number: runs("proxy.run_number")?,
+            run_bucket: runs("proxy.run_bucket")?,
+            color: ctx.image_3d("proxy.color", dims, ImageFormat::R32Uint)?,
+            tables: BucketTable {
+                color: table("proxy.bucket_color")?,
+                hash: table("proxy.hash_value")?,
+                base: table("proxy.bucket_base")?,
+                size: table("proxy.bucket_size")?,
+            },
+            bucket_id: ctx.image_3d("proxy.bucket_id", dims, ImageFormat::R32Uint)?,
+            bucket_light: ctx.device_buffer("proxy.bucket_light", buckets as usize)?,
+            config,
+            sort,
+            scan,
+        };
+        let words = 4 * u64::from(capacity) + 5 * u64::from(buckets);
+        let scratch = proxy.sort.scratch_bytes(capacity) + proxy.scan.scratch_bytes(buckets) + proxy.status.bytes();
+        proxy.bytes = 4 * words + scratch + proxy.color.bytes() + proxy.bucket_id.bytes();
+        Ok(proxy)
+    }
+
+    /// Bytes of device memory of the proxy, scratch memory included.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Where the counts of the latest build are: `constants::PROXY_WORDS` words, laid out as `PROXY_*`.
+    pub fn control(&self) -> &Buffer<u32> {
+        &self.control
+    }
+
+    /// Empties the colours. To be recorded once, before the first build: voxels that are not active keep colour 0.
+    pub fn record_clear(&self, rec: &mut Recorder) {
+        rec.clear_image(&self.color);
+        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+    }
+
+    /// Builds the proxy of `field`'s colours. `list` holds the active voxels, `args` its chunks.
+    ///
+    /// Ordered after all compute accesses before; ends with the proxy written by compute.
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        list: &ActiveList,
+        args: &ChunkArgs,
+        field: &Image,
+        iteration: u32,
+    ) {
+        rec.begin_pass("proxy.hash", iteration);
+        self.record_hash(rec, scene, list, args, field);
+        rec.end_pass();
+        rec.begin_pass("proxy.compress1", iteration);
+        self.record_compress_runs(rec, scene);
+        rec.end_pass();
+        rec.begin_pass("proxy.sort", iteration);
+        let bits = 0..mask_word(self.config.mask).count_ones();
+        let runs = Count::Gpu { buffer: &self.control, offset: constants::PROXY_RUNS };
+        let sorted = self.sort.record(rec, &self.run_hash, &self.run_number, runs, bits, &self.sort_scratch);
+        rec.end_pass();
+        rec.begin_pass("proxy.compress2", iteration);
+        self.record_compress_buckets(rec, scene, sorted.keys, sorted.payloads);
+        rec.end_pass();
+        rec.begin_pass("proxy.decompress", iteration);
+        order_compute(rec);
+        let binds = [
+            ("scene_block", scene.block.bind()),
+            ("run_bucket", self.run_bucket.bind()),
+            ("bucket_id", self.bucket_id.storage()),
+        ];
+        rec.dispatch(&self.decompress, &binds, &(), voxel_grid(scene.params.dims));
+        rec.end_pass();
+    }
+
+    fn record_hash(&self, rec: &mut Recorder, scene: &SceneData, list: &ActiveList, args: &ChunkArgs, field: &Image) {
+        rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+        rec.fill(&self.source_max, 0);
+        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+        for chunk in list.chunks() {
+            order_compute(rec);
+            let push = ChunkPush { chunk_begin: chunk.begin, chunk_items: chunk.items };
+            let binds = [
+                ("scene_block", scene.block.bind()),
+                ("field", field.sampled(Filter::Nearest)),
+                ("source_max", self.source_max.bind()),
+            ];
+            chunk.dispatch(rec, &self.source_max_pass, &binds, &push, args);
+        }
+        order_compute(rec);
+        for chunk in list.chunks() {
+            let push = ChunkPush { chunk_begin: chunk.begin, chunk_items: chunk.items };
+            let binds = [
+                ("scene_block", scene.block.bind()),
+                ("field", field.sampled(Filter::Nearest)),
+                ("source_max", self.source_max.bind()),
+                ("color", self.color.storage()),
+            ];
+            chunk.dispatch(rec, &self.encode, &binds, &push, args);
+            // Chunks write different texels, but the image is one resource.
+            order_compute(rec);
+        }
+    }
+
+    fn record_compress_runs(&self, rec: &mut Recorder, scene: &SceneData) {
+        let voxels = scene.voxels() as u32;
+        let grid = lookback::grid(voxels.div_ceil(TILE));
+        let plan = |rec: &mut Recorder, is_start: bool| {
+            let push = ProxyPlanPush {
+                capacity: self.capacity,
+                groups_x: grid[0],
+                groups_y: grid[1],
+                is_start: is_start.into(),
+                mask: mask_word(self.config.mask),
+            };
+            order_compute(rec);
+            rec.barrier(Access::IndirectRead, Access::ComputeWrite);
+            let binds = [("proxy_control", self.control.bind()), ("args", self.plan_args.bind())];
+            rec.dispatch(&self.plan, &binds, &push, [1, 1, 1]);
+            rec.barrier(Access::ComputeWrite, Access::IndirectRead);
+        };
+        plan(rec, true);
+        // Where every voxel may have a run of its own, the first attempt always fits.
+        let retries = if self.capacity < voxels { MAX_RETRIES } else { 0 };
+        for _ in 0..=retries {
+            rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+            rec.fill(&self.status, 0);
+            rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+            order_compute(rec);
+            let binds = [
+                ("scene_block", scene.block.bind()),
+                ("color", self.color.sampled(Filter::Nearest)),
+                ("run_hash", self.run_hash.bind()),
+                ("run_base", self.run_base.bind()),
+                ("run_number", self.run_number.bind()),
+                ("proxy_control", self.control.bind()),
+                ("status", self.status.bind()),
+                ("diagnostics", self.diagnostics.buffer().bind()),
+                ("bucket_id", self.bucket_id.storage()),
+            ];
+            let push = CompressRunsPush { count: voxels, capacity: self.capacity };
+            rec.dispatch_indirect(&self.compress_runs, &binds, &push, &self.plan_args, 0);
+            plan(rec, false);
+        }
+    }
+
+    fn record_compress_buckets(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        sorted_hash: &Buffer<u32>,
+        sorted_run: &Buffer<u32>,
+    ) {
+        let runs = (&self.control, constants::PROXY_RUNS);
+        self.args_pass.record(rec, runs, self.capacity, [TILE; 2], &self.run_args, &self.diagnostics);
+        rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+        rec.fill(&self.status, 0);
+        rec.fill(&self.tables.size, 0);
+        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+        order_compute(rec);
+        let binds = [
+            ("args", self.run_args.bind()),
+            ("sorted_hash", sorted_hash.bind()),
+            ("sorted_run", sorted_run.bind()),
+            ("run_base", self.run_base.bind()),
+            ("run_bucket", self.run_bucket.bind()),
+            ("bucket_color", self.tables.color.bind()),
+            ("hash_value", self.tables.hash.bind()),
+            ("bucket_size", self.tables.size.bind()),
+            ("proxy_control", self.control.bind()),
+            ("status", self.status.bind()),
+            ("diagnostics", self.diagnostics.buffer().bind()),
+        ];
+        let push = CompressBucketsPush { count: constants::COUNT_ON_DEVICE, voxels: scene.voxels() as u32 };
+        rec.dispatch_indirect(&self.compress_buckets, &binds, &push, &self.run_args, 0);
+
+        let buckets = Count::Gpu { buffer: &self.control, offset: constants::PROXY_BUCKETS };
+        self.scan.record(rec, &self.tables.size, &self.tables.base, buckets, &self.scan_scratch);
+        if self.config.zero_colors {
+            rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+            rec.fill(&self.tables.color, 0);
+            rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+        }
+        let (counts, room) = ((&self.control, constants::PROXY_BUCKETS), self.bucket_light.len() as u32);
+        self.args_pass.record(rec, counts, room, [LIST_WORKGROUP; 2], &self.bucket_args, &self.diagnostics);
+        let binds = [
+            ("scene_block", scene.block.bind()),
+            ("bucket_color", self.tables.color.bind()),
+            ("proxy_control", self.control.bind()),
+            ("source_max", self.source_max.bind()),
+            ("args", self.bucket_args.bind()),
+            ("bucket_light", self.bucket_light.bind()),
+        ];
+        let push = BucketLightPush { count: constants::COUNT_ON_DEVICE };
+        rec.dispatch_indirect(&self.bucket_light_pass, &binds, &push, &self.bucket_args, 0);
+    }
+
+    /// Counts from the words of [`Proxy::control`].
+    pub fn counts(words: &[u32]) -> ProxyCounts {
+        ProxyCounts {
+            runs: words[constants::PROXY_RUNS as usize],
+            buckets: words[constants::PROXY_BUCKETS as usize],
+            mask: words[constants::PROXY_MASK as usize],
+        }
+    }
+
+    /// Fails if a kernel reported that its result cannot be trusted.
+    pub fn check(&self, ctx: &Context) -> Result<()> {
+        self.diagnostics.check(ctx, "proxy")?;
+        self.sort_scratch.diagnostics().check(ctx, "proxy.sort")?;
+        self.scan_scratch.diagnostics().check(ctx, "proxy.scan")?;
+        Ok(())
+    }
+
+    /// Everything, for tests.
+    pub fn read_back(&self, ctx: &Context) -> Result<ProxyContents> {
+        let counts = Self::counts(&ctx.read_back(&self.control)?);
+        let table = |buffer| ctx.read_back_range(buffer, 0..counts.buckets as usize);
+        Ok(ProxyContents {
+            counts,
+            color: ctx.read_back_image(&self.color)?,
+            bucket_id: ctx.read_back_image(&self.bucket_id)?,
+            bucket_color: table(&self.tables.color)?,
+            hash_value: table(&self.tables.hash)?,
+            bucket_base: table(&self.tables.base)?,
+            bucket_size: table(&self.tables.size)?,
+        })
+    }
+}

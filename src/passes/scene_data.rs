@@ -1,0 +1,224 @@
+//! The scene on the GPU: its numbers, transfer function, lights, environment and scalars, shared by all passes.
+
+use crate::abi::{LightData, SceneParams, TransferPointData};
+use crate::cpu::classify::classify;
+use crate::scene::environment::EnvironmentTable;
+use crate::scene::{Background, Environment, Light, OpacityUnit, Scene};
+use crate::shaders::constants;
+use crate::vk::{Buffer, Context, Image, ImageFormat};
+use crate::{Error, Result};
+use glam::{DVec3, Vec3};
+
+/// Everything that is uploaded once.
+pub struct SceneData {
+    /// Host copy of the numbers.
+    pub params: SceneParams,
+    /// Host copy of the transfer function.
+    pub points: Vec<TransferPointData>,
+    pub(super) block: Buffer<SceneParams>,
+    pub(super) transfer: Buffer<TransferPointData>,
+    pub(super) lights: Buffer<LightData>,
+    pub(super) scalar: Image,
+    pub(super) environment_image: Image,
+    pub(super) environment_table: Buffer<f32>,
+    /// Delta lights.
+    pub light_count: u32,
+    /// `constants::ENVIRONMENT_*`.
+    pub environment: u32,
+    /// Mean radiance of the environment.
+    pub ambient: Vec3,
+    /// Does anything in the medium emit?
+    pub has_emission: bool,
+}
+
+fn f3(v: DVec3) -> [f32; 3] {
+    v.as_vec3().to_array()
+}
+
+/// The transfer function as the GPU gets it.
+pub fn transfer_points(scene: &Scene) -> Vec<TransferPointData> {
+    let points = scene.transfer.points.iter();
+    points
+        .map(|p| TransferPointData { value: p.value as f32, opacity: p.opacity, color: p.color, emission: p.emission })
+        .collect()
+}
+
+/// Largest radiance that can arrive at any voxel, averaged over directions: the range of what fields store.
+fn arrival_bound(scene: &Scene, emitted: f32) -> f64 {
+    let four_pi = 4.0 * std::f64::consts::PI;
+    let (low, high) = scene.volume.grid.world_bounds();
+    let lights: f64 = scene
+        .lights
+        .iter()
+        .map(|light| match light {
+            Light::Directional { irradiance, .. } => f64::from(irradiance.max_element()) / four_pi,
+            Light::Point { position, intensity } => {
+                let distance = position.distance(position.clamp(low, high));
+                let least = distance.max(0.5 * scene.volume.grid.mean_spacing());
+                f64::from(intensity.max_element()) / (least * least * four_pi)
+            }
+        })
+        .sum();
+    let environment = scene.environment.as_ref().map_or(0.0, |e| f64::from(e.mean_radiance().max_element()));
+    lights + environment + f64::from(emitted)
+}
+
+/// The scene's numbers. `max_extinction` and `radiance_scale` follow from the data.
+pub fn params(scene: &Scene) -> SceneParams {
+    let grid = &scene.volume.grid;
+    let to_world = grid.index_to_world;
+    let to_index = to_world.inverse();
+    let camera = &scene.camera;
+    let half_height = (camera.fov_degrees.to_radians() / 2.0).tan();
+    let [width, height] = scene.settings.size;
+    let half_width = half_height * f64::from(width) / f64::from(height);
+    let environment = match &scene.environment {
+        Some(Environment::Constant(radiance)) => *radiance,
+        _ => Vec3::ZERO,
+    };
+    let mut params = SceneParams {
+        world_of_x: f3(to_world.matrix3.x_axis),
+        world_of_y: f3(to_world.matrix3.y_axis),
+        world_of_z: f3(to_world.matrix3.z_axis),
+        world_of_origin: f3(to_world.translation),
+        index_of_x: f3(to_index.matrix3.x_axis),
+        index_of_y: f3(to_index.matrix3.y_axis),
+        index_of_z: f3(to_index.matrix3.z_axis),
+        index_of_origin: f3(to_index.translation),
+        dims: grid.dims,
+        transfer_points: scene.transfer.points.len() as u32,
+        eye: f3(camera.position),
+        forward: f3(camera.forward),
+        right: f3(camera.right * half_width),
+        up: f3(camera.up * half_height),
+        size: scene.settings.size,
+        unit_distance: match scene.transfer.opacity_unit {
+            OpacityUnit::PerDistance(unit) => unit.unwrap_or(grid.mean_spacing()) as f32,
+            OpacityUnit::Extinction => 0.0,
+        },
+        density_scale: scene.density_scale as f32,
+        max_extinction: 1.0,
+        radiance_scale: 1.0,
+        g: scene.g,
+        emission_scale: scene.emission_scale,
+        albedo_scale: scene.albedo_scale.to_array(),
+        environment: environment.to_array(),
+        background: match scene.background {
+            Background::Color(color) => color.to_array(),
+            _ => [0.0; 3],
+        },
+        environment_rotation: 0.0,
+        environment_size: [1, 1],
+        mean_spacing: grid.mean_spacing() as f32,
+        seed_low: scene.settings.seed as u32,
+        seed_high: (scene.settings.seed >> 32) as u32,
+    };
+    // Extinction is monotone between points, so its maximum is at one of them.
+    let points = transfer_points(scene);
+    let at_points = || points.iter().map(|p| classify(&params, &points, p.value));
+    let most = at_points().map(|m| m.extinction).fold(0.0, f32::max);
+    let emitted = at_points().map(|m| Vec3::from(m.emission).max_element()).fold(0.0, f32::max);
+    // A step's two points of one value hide the first from `classify`, but not from its left neighbourhood.
+    let left = points.iter().map(|p| crate::cpu::classify::extinction(&params, p.opacity)).fold(0.0, f32::max);
+    let most = most.max(left);
+    let emitted =
+        points.iter().map(|p| Vec3::from(p.emission).max_element() * scene.emission_scale).fold(emitted, f32::max);
+    if most > 0.0 {
+        params.max_extinction = most;
+    }
+    // Towards the eye the phase function can exceed its mean by this factor.
+    let g = f64::from(scene.g.abs());
+    let peak = (1.0 + g) / (1.0 - g).powi(2);
+    // Local models store colour times light, without the mean over directions.
+    let bound = arrival_bound(scene, emitted) * peak.max(4.0 * std::f64::consts::PI) + 1.0;
+    // Half of the range is left free for what interpolation and accumulation round up.
+    params.radiance_scale = (f64::from(constants::MAX_HALF) / (2.0 * bound)) as f32;
+    params
+}
+
+impl SceneData {
+    /// Uploads the scene.
+    ///
+    /// Errors: the volume or the environment is larger than the device's images, or memory runs out.
+    pub fn new(ctx: &Context, scene: &Scene) -> Result<Self> {
+        let mut params = params(scene);
+        let points = transfer_points(scene);
+        if !(params.max_extinction.is_finite() && params.radiance_scale > 0.0 && params.radiance_scale.is_finite()) {
+            return Err(Error::input(
+                "scene",
+                "extinctions or lights are beyond the range of 32-bit floats",
+                "scale the transfer function or the lights down",
+            ));
+        }
+        let dims = scene.volume.grid.dims;
+        let layer = dims[0] as usize * dims[1] as usize;
+        let scalar = ctx.image_3d("scalar", dims, ImageFormat::R32Float)?;
+        ctx.upload_image(&scalar, |z| {
+            scene.volume.values_f32(z.start as usize * layer..z.end as usize * layer, constants::NO_VALUE)
+        })?;
+        let mut environment = constants::ENVIRONMENT_NONE;
+        let mut pixels = vec![[0.0f32; 4]];
+        let mut size = [1, 1];
+        let mut table = vec![0.0f32];
+        match &scene.environment {
+            None => {}
+            Some(Environment::Constant(radiance)) => {
+                if *radiance != Vec3::ZERO {
+                    environment = constants::ENVIRONMENT_CONSTANT;
+                }
+            }
+            Some(Environment::LatLong(image)) => {
+                environment = constants::ENVIRONMENT_IMAGE;
+                size = [image.width, image.height];
+                pixels = image.pixels.iter().map(|p| [p[0], p[1], p[2], 1.0]).collect();
+                let sampling = EnvironmentTable::new(image);
+                params.environment_size = [sampling.columns, sampling.rows];
+                params.environment_rotation = image.rotation_degrees.to_radians() as f32;
+                table = [sampling.marginal, sampling.conditional].concat();
+            }
+        }
+        let environment_image = ctx.image_2d("environment", size, ImageFormat::Rgba32Float)?;
+        ctx.upload_image(&environment_image, |_| std::mem::take(&mut pixels))?;
+        let lights: Vec<LightData> = scene
+            .lights
+            .iter()
+            .map(|light| match light {
+                Light::Directional { direction, irradiance } => {
+                    LightData { vector: f3(*direction), is_point: 0, power: irradiance.to_array() }
+                }
+                Light::Point { position, intensity } => {
+                    LightData { vector: f3(*position), is_point: 1, power: intensity.to_array() }
+                }
+            })
+            .collect();
+        Ok(Self {
+            block: ctx.upload("scene", &[params])?,
+            transfer: ctx.upload("transfer", &points)?,
+            lights: ctx.upload("lights", &lights)?,
+            scalar,
+            environment_image,
+            environment_table: ctx.upload("environment.table", &table)?,
+            light_count: lights.len() as u32,
+            environment,
+            ambient: scene.environment.as_ref().map_or(Vec3::ZERO, Environment::mean_radiance),
+            has_emission: scene.emission_scale > 0.0 && points.iter().any(|p| p.emission.iter().any(|&e| e > 0.0)),
+            params,
+            points,
+        })
+    }
+
+    /// Changes the random numbers.
+    pub fn set_seed(&mut self, ctx: &Context, seed: u64) -> Result<()> {
+        let changed = SceneParams { seed_low: seed as u32, seed_high: (seed >> 32) as u32, ..self.params };
+        if bytemuck::bytes_of(&changed) != bytemuck::bytes_of(&self.params) {
+            self.params = changed;
+            self.block = ctx.upload("scene", &[changed])?;
+        }
+        Ok(())
+    }
+
+    /// Voxels of the volume.
+    pub fn voxels(&self) -> u64 {
+        self.params.dims.iter().map(|&d| u64::from(d)).product()
+    }
+}

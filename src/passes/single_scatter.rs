@@ -1,0 +1,86 @@
+//! Single scattering (`glsl/single_scatter.comp`): order 1 from delta lights and the environment.
+
+use super::compact::{Chunk, ChunkArgs};
+use super::gather::{Cells, Orders};
+use super::scene_data::SceneData;
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use crate::Result;
+use crate::abi::SingleScatterPush;
+use crate::shaders;
+use crate::vk::{Context, Filter, Image, Pipeline, Recorder};
+
+/// The pass.
+pub struct SingleScatter {
+    pipeline: Pipeline,
+    directions: u32,
+    step: f32,
+}
+
+impl SingleScatter {
+    /// Makes the pipeline. `directions`: samples of the environment per voxel; `has_next`: another order follows.
+    pub fn new(ctx: &Context, scene: &SceneData, directions: u32, step: f32, has_next: bool) -> Result<Self> {
+        let specialization = [
+            ("WORKGROUP", LIST_WORKGROUP),
+            ("ANISOTROPIC", (scene.params.g != 0.0).into()),
+            ("HAS_NEXT", has_next.into()),
+            ("ENVIRONMENT", scene.environment),
+        ];
+        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, directions, step })
+    }
+
+    /// Rays per voxel.
+    pub fn rays(&self, scene: &SceneData) -> u32 {
+        scene.light_count + if scene.environment == 0 { 0 } else { self.directions }
+    }
+
+    /// Adds order 1 of a chunk to `orders.total`, and writes it to `orders.next` if there is a next order. `field` has
+    /// the extinction. Ordered after all compute accesses before; ends with these images written by compute.
+    #[allow(clippy::too_many_arguments, reason = "what a kernel reads and writes is named one by one")]
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        cells: Cells<'_>,
+        chunk: &Chunk<'_>,
+        args: &ChunkArgs,
+        field: &Image,
+        orders: &Orders<'_>,
+    ) {
+        let rays = self.rays(scene);
+        let per_dispatch = rays_per_invocation(scene.params.dims, self.step);
+        let mut begin = 0u32;
+        // One dispatch even where nothing shines: it clears what the order before left.
+        loop {
+            let end = rays.min(begin.saturating_add(per_dispatch));
+            let lights = scene.light_count;
+            let push = SingleScatterPush {
+                chunk_begin: chunk.begin,
+                chunk_items: chunk.items,
+                light_begin: begin.min(lights),
+                light_end: end.min(lights),
+                environment_begin: begin.max(lights) - lights,
+                environment_end: end.max(lights) - lights,
+                environment_directions: self.directions,
+                first: (begin == 0).into(),
+                step_voxels: self.step,
+            };
+            let mut binds = vec![
+                ("scene_block", scene.block.bind()),
+                ("transfer_block", scene.transfer.bind()),
+                ("emptiness", cells.sampled(Filter::Nearest)),
+                ("lights", scene.lights.bind()),
+                ("field", field.sampled(Filter::Linear)),
+                ("scalar", scene.scalar.sampled(Filter::Nearest)),
+                ("environment_image", scene.environment_image.sampled(Filter::Nearest)),
+                ("environment_table", scene.environment_table.bind()),
+            ];
+            binds.extend(orders.written());
+            order_compute(rec);
+            chunk.dispatch(rec, &self.pipeline, &binds, &push, args);
+            begin = end;
+            if begin >= rays {
+                break;
+            }
+        }
+    }
+}
