@@ -23,7 +23,7 @@ pub struct Picture {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Linear RGB (Rec. 709) premultiplied by alpha, and alpha in [0,1]; row by row, row 0 on top.
+    /// Linear RGB (Rec. 709) premultiplied by alpha, and alpha from 0 to 1; row by row, row 0 on top.
     pub pixels: Vec<[f32; 4]>,
 }
 
@@ -46,7 +46,7 @@ pub struct PngOptions {
     pub bits: BitDepth,
     /// What pixels are multiplied by first.
     pub exposure: Exposure,
-    /// What compresses them to [0,1] next. The sRGB transfer function comes last.
+    /// What compresses them to 0..1 next. The sRGB transfer function comes last.
     pub tone: ToneCurve,
 }
 

@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn sums_by_hand() {
-        assert_eq!(exclusive(&[]), []);
+        assert_eq!(exclusive(&[]), [0u32; 0]);
         assert_eq!(exclusive(&[3, 1, 4, 1]), [0, 3, 4, 8]);
         assert_eq!(inclusive(&[3, 1, 4, 1]), [3, 4, 8, 9]);
         assert_eq!(inclusive(&[u32::MAX, 2, 5]), [u32::MAX, 1, 6]);

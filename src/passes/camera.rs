@@ -43,6 +43,7 @@ impl Camera {
     }
 
     /// Adds sample `sample` of the pixels in rows `rows` to `picture`. Ordered after all compute accesses before.
+    #[allow(clippy::too_many_arguments, reason = "resources and range of one dispatch")]
     pub fn record(
         &self,
         rec: &mut Recorder,

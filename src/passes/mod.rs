@@ -1,4 +1,4 @@
-//! The passes: sizes, scratch memory, and `record()`, which appends a pass to a [`Recorder`](crate::vk::Recorder).
+//! The passes: sizes, scratch memory, and `record()`, which appends a pass to a [`Recorder`].
 //!
 //! Every kernel starts by ordering itself after the compute accesses recorded before; see each `record`.
 

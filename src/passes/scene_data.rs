@@ -162,11 +162,8 @@ impl SceneData {
         let mut table = vec![0.0f32];
         match &scene.environment {
             None => {}
-            Some(Environment::Constant(radiance)) => {
-                if *radiance != Vec3::ZERO {
-                    environment = constants::ENVIRONMENT_CONSTANT;
-                }
-            }
+            Some(Environment::Constant(radiance)) if *radiance == Vec3::ZERO => {}
+            Some(Environment::Constant(_)) => environment = constants::ENVIRONMENT_CONSTANT,
             Some(Environment::LatLong(image)) => {
                 environment = constants::ENVIRONMENT_IMAGE;
                 size = [image.width, image.height];

@@ -176,7 +176,10 @@ impl HazardTracker {
 mod tests {
     use super::*;
 
-    fn run(steps: &[(Option<Access>, Option<(Access, Access)>)]) -> Vec<&'static str> {
+    /// An access and the barrier after it, both optional.
+    type Step = (Option<Access>, Option<(Access, Access)>);
+
+    fn run(steps: &[Step]) -> Vec<&'static str> {
         let mut t = HazardTracker::default();
         for (i, (access, barrier)) in steps.iter().enumerate() {
             if let Some(a) = access {
