@@ -1,20 +1,28 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Camera: one ray per pixel and sample; emission and all orders of scattered light, attenuated on their way to the eye,
-// plus what lies behind.
+// plus what lies behind. Order 1 of delta lights is not read from the volume but computed here, at one point per sample
+// drawn in proportion to what the eye sees of the medium: with it shadows have no voxel steps, the phase function is the
+// true one, and the mean over the samples is unbiased.
 // Grid: x, y = pixels of a band of rows.
 #define ENVIRONMENT_BINDING 3
+#define LIGHTS_BINDING 7
+#include "include/transfer.glsl"
 #include "include/march.glsl"
 #include "include/rng.glsl"
+#include "include/delta_lights.glsl"
 #include "include/environment.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
+// Delta lights are seen by single scattering.
+layout(constant_id = 5) const bool LIT = false;
 // What is behind the medium.
 layout(constant_id = 4) const uint BACKGROUND = BACKGROUND_TRANSPARENT;
 
 // rgb = source towards the eye, a = extinction.
-layout(set = 0, binding = 1) uniform sampler3D total;
+layout(set = 0, binding = 5) uniform sampler3D total;
+layout(set = 0, binding = 6) uniform sampler3D scalar;
 // Mean over the samples so far, times samples: radiance premultiplied by alpha, and alpha.
 layout(set = 0, binding = 4, rgba32f) uniform image2D picture;
 
@@ -24,7 +32,44 @@ layout(push_constant, scalar) uniform CameraPush {
     uint sample_index;
     uint samples;
     float step_voxels;
+    // Delta lights, how many of them a sample visits, and the step towards them.
+    uint light_count;
+    uint lights_per_sample;
+    float light_step;
 };
+
+// Albedo at `p` (index space): σ_s and σ_t interpolated, then divided (DESIGN section 1).
+vec3 albedo_at(vec3 p) {
+    vec3 corner = p - 0.5;
+    ivec3 low = ivec3(floor(corner));
+    vec3 f = corner - vec3(low);
+    vec3 scattering = vec3(0.0);
+    float extinction = 0.0;
+    for (uint n = 0u; n < 8u; n++) {
+        ivec3 offset = ivec3(n & 1u, n >> 1u & 1u, n >> 2u);
+        vec3 w = mix(1.0 - f, f, equal(offset, ivec3(1)));
+        ivec3 voxel = clamp(low + offset, ivec3(0), ivec3(scene.dims) - 1);
+        Material m = classify(texelFetch(scalar, voxel, 0).r);
+        scattering += (w.x * w.y * w.z * m.extinction) * albedo_of(m);
+        extinction += w.x * w.y * w.z * m.extinction;
+    }
+    return extinction > 0.0 ? scattering / extinction : vec3(0.0);
+}
+
+// Radiance that delta lights send towards the eye by one scattering at `p`, times `seen`.
+vec3 lit_radiance(vec3 p, vec3 to_eye, float seen, uint key) {
+    vec3 world = world_from_index(p);
+    vec3 sum = vec3(0.0);
+    // Where there are more lights than a sample may visit, it visits evenly spread ones from a random start.
+    uint first = uint(random_float(key, 4u + sample_index) * float(light_count));
+    for (uint i = 0u; i < lights_per_sample; i++) {
+        uint l = (first + i * light_count / lights_per_sample) % light_count;
+        LightArrival light = light_at(lights[l], world);
+        float t = transmittance(total, make_ray(p, -light.travel, light_step), light.reach);
+        sum += light.irradiance * (t * phase_hg(scene.g, dot(light.travel, to_eye)));
+    }
+    return albedo_at(p) * sum * (seen * float(light_count) / float(lights_per_sample));
+}
 
 void main() {
     uvec2 pixel = uvec2(gl_GlobalInvocationID.x, row_begin + gl_GlobalInvocationID.y);
@@ -66,6 +111,27 @@ void main() {
         stride = ray.dt;
     }
     radiance /= scene.radiance_scale;
+    if (LIT && through < 1.0) {
+        // The same march again, up to the depth at which the eye has seen the share `u` of what it sees of the medium.
+        float u = fract((float(sample_index) + random_float(key, 3u)) / float(samples));
+        float target = 1.0 - u * (1.0 - through);
+        float passed_before = 1.0;
+        float at = 0.0;
+        t = 0.0;
+        stride = start * ray.dt;
+        while (t < ray.end && passed_before > target) {
+            stride = min(stride, ray.end - t);
+            vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
+            float sigma = textureLod(total, p / vec3(scene.dims), 0.0).a * scene.max_extinction;
+            float after = passed_before * exp(-sigma * stride);
+            // Where the transmittance meets the target within the step.
+            at = t + (after <= target && sigma > 0.0 ? min(stride, log(passed_before / target) / sigma) : stride);
+            passed_before = after;
+            t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
+            stride = ray.dt;
+        }
+        radiance += lit_radiance(ray.origin + ray.direction * at, -direction, 1.0 - through, key);
+    }
     float alpha = 1.0;
     if (BACKGROUND == BACKGROUND_TRANSPARENT) {
         alpha = 1.0 - through;

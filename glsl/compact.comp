@@ -1,5 +1,4 @@
 #version 460
-#pragma use_vulkan_memory_model
 #extension GL_GOOGLE_include_directive : require
 // Compact: the list of active voxels (σ_t > 0) of a range of linear voxel indices, by one look-back scan that reads the
 // voxels and writes the list (DESIGN section 2). The list keeps the order of the indices.

@@ -1,5 +1,4 @@
 #version 460
-#pragma use_vulkan_memory_model
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 // Compress 2: runs sorted by hash -> buckets. Equal hashes are merged: bucketColor, hashValue and bucketSize per bucket
@@ -75,10 +74,10 @@ void main() {
         if (first == last) {
             uint sum = subgroupAdd(size);
             if (subgroupElect() && bucket != 0xFFFFFFFFu) {
-                atomicAdd(bucket_size[bucket], sum, gl_ScopeDevice, gl_StorageSemanticsBuffer, gl_SemanticsRelaxed);
+                atomicAdd(bucket_size[bucket], sum);
             }
         } else if (bucket != 0xFFFFFFFFu) {
-            atomicAdd(bucket_size[bucket], size, gl_ScopeDevice, gl_StorageSemanticsBuffer, gl_SemanticsRelaxed);
+            atomicAdd(bucket_size[bucket], size);
         }
     }
     if (tile == tiles - 1u && linear_index() == 0u) {

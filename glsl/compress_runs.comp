@@ -1,5 +1,4 @@
 #version 460
-#pragma use_vulkan_memory_model
 #extension GL_GOOGLE_include_directive : require
 // Compress 1: runs of equal hash along the linear voxel order -> (hash, base) per run, and every voxel's run. Hashing,
 // head flags, scan and writing in one pass: no flag array in memory (the paper's hash and first compression steps).

@@ -4,19 +4,14 @@
 // the source that the camera integrates. No shadows, no scattering.
 // Grid: one invocation per voxel of a chunk of the active list.
 #define ACTIVE_BINDING 2
+#define LIGHTS_BINDING 4
 #include "include/transfer.glsl"
 #include "include/active.glsl"
+#include "include/delta_lights.glsl"
 #include "include/sphere.glsl"
 
 layout(local_size_x_id = 0) in;
 
-struct LightData {
-    vec3 vector;
-    uint is_point;
-    vec3 power;
-};
-
-layout(set = 0, binding = 4, scalar) readonly buffer Lights { LightData lights[]; };
 layout(set = 0, binding = 5) uniform sampler3D scalar;
 layout(set = 0, binding = 6, rgba16f) writeonly uniform image3D total;
 
@@ -56,18 +51,11 @@ void main() {
     normal *= dot(normal, to_eye) < 0.0 ? -1.0 : 1.0;
     vec3 lit = m.color * ambient;
     for (uint l = 0u; l < lights_count; l++) {
-        LightData light = lights[l];
-        vec3 to_light = -light.vector;
-        vec3 irradiance = light.power;
-        if (light.is_point != 0u) {
-            to_light = light.vector - world;
-            float d = max(length(to_light), 0.5 * scene.mean_spacing);
-            to_light /= d;
-            irradiance /= d * d;
-        }
+        LightArrival light = light_at(lights[l], world);
+        vec3 to_light = -light.travel;
         float facing = max(0.0, dot(normal, to_light));
         float shine = facing > 0.0 ? pow(max(0.0, dot(normal, normalize(to_light + to_eye))), SHININESS) : 0.0;
-        lit += irradiance / PI * (m.color * facing + SPECULAR * shine);
+        lit += light.irradiance / PI * (m.color * facing + SPECULAR * shine);
     }
     float extinction = m.extinction / scene.max_extinction;
     imageStore(total, voxel, vec4(min(lit * extinction * scene.radiance_scale, MAX_HALF), extinction));

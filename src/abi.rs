@@ -298,4 +298,7 @@ pub struct CameraPush {
     pub sample_index: u32,
     pub samples: u32,
     pub step_voxels: f32,
+    pub light_count: u32,
+    pub lights_per_sample: u32,
+    pub light_step: f32,
 }

@@ -29,7 +29,7 @@ struct Arrived {
     vec3 x;
     vec3 y;
     vec3 z;
-    // mean L 4π p(ω_i · ω_eye)
+    // mean L 4π p(ω_i · ω_eye), of the light that the eye shall see through the cache
     vec3 eye;
 };
 
@@ -37,15 +37,20 @@ Arrived nothing() {
     return Arrived(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
 }
 
-// Radiance `l` that propagates along `direction` (unit vector, world), weighted.
-void arrive(inout Arrived sum, vec3 l, vec3 direction, vec3 to_eye) {
+// Radiance `l` that propagates along `direction` (unit vector, world), weighted; for the next order only.
+void arrive_unseen(inout Arrived sum, vec3 l, vec3 direction) {
     sum.a += l;
     if (ANISOTROPIC) {
         sum.x += l * direction.x;
         sum.y += l * direction.y;
         sum.z += l * direction.z;
-        sum.eye += l * (4.0 * PI * phase_hg(scene.g, dot(direction, to_eye)));
     }
+}
+
+// The same for the next order and for the eye.
+void arrive(inout Arrived sum, vec3 l, vec3 direction, vec3 to_eye) {
+    arrive_unseen(sum, l, direction);
+    sum.eye += ANISOTROPIC ? l * (4.0 * PI * phase_hg(scene.g, dot(direction, to_eye))) : l;
 }
 
 // Propagation direction of light that goes from the voxel to the eye.
@@ -70,7 +75,7 @@ void add_to(ivec3 voxel, vec3 scattering, Arrived arrived, float extinction, boo
             imageStore(next_z, voxel, vec4(clamp(old_z + b * arrived.z, -MAX_HALF, MAX_HALF), 0.0));
         }
     }
-    vec3 eye = scattering * (ANISOTROPIC ? arrived.eye : arrived.a);
-    imageStore(total, voxel, vec4(min(imageLoad(total, voxel).rgb + eye, MAX_HALF), extinction));
+    vec3 eye = imageLoad(total, voxel).rgb + scattering * arrived.eye;
+    imageStore(total, voxel, vec4(min(eye, MAX_HALF), extinction));
 }
 #endif

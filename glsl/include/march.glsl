@@ -60,4 +60,19 @@ float mean_transmittance(float tau, float transmitted) {
 
 // Below this transmittance a ray ends: at most a thousandth of what lies behind is missed.
 const float LEAST_TRANSMITTANCE = 1e-3;
+
+// Transmittance along `ray` up to `limit` [world]; `field` holds relative extinction in its alpha.
+float transmittance(sampler3D field, Ray ray, float limit) {
+    float end = min(ray.end, limit);
+    float tau = 0.0;
+    float t = ray.begin;
+    // e^−7 is below LEAST_TRANSMITTANCE. The host keeps rays * steps within MAX_ITERATIONS.
+    while (t < end && tau < 7.0) {
+        float stride = min(ray.dt, end - t);
+        vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
+        tau += textureLod(field, p / vec3(scene.dims), 0.0).a * scene.max_extinction * stride;
+        t += steps_ahead(ray, p) * ray.dt;
+    }
+    return tau < 7.0 ? exp(-tau) : 0.0;
+}
 #endif

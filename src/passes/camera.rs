@@ -13,28 +13,44 @@ pub struct Camera {
     pipeline: Pipeline,
     step: f32,
     samples: u32,
+    lights_per_sample: u32,
 }
 
+/// Delta lights that one sample visits at most.
+const MAX_LIGHTS_PER_SAMPLE: u32 = 8;
+
 impl Camera {
-    /// Makes the pipeline.
+    /// Makes the pipeline. `is_lit`: delta lights are seen by single scattering.
     ///
     /// Errors: rays of `step` voxels through the volume take more iterations than an invocation may run.
-    pub fn new(ctx: &Context, scene: &SceneData, background: Background, step: f32, samples: u32) -> Result<Self> {
+    pub fn new(
+        ctx: &Context,
+        scene: &SceneData,
+        background: Background,
+        step: f32,
+        samples: u32,
+        is_lit: bool,
+    ) -> Result<Self> {
         let longest = ray_iterations(scene.params.dims, step);
-        if longest > constants::MAX_ITERATIONS {
+        // The camera ray, and where it is lit the ray again and one ray per light.
+        let is_lit = is_lit && scene.light_count > 0;
+        let fixed = longest * if is_lit { 2 } else { 1 };
+        let rays_left = (constants::MAX_ITERATIONS - constants::MAX_ITERATIONS / 10).saturating_sub(fixed) / longest;
+        if rays_left == 0 {
             return Err(Error::input(
                 "--camera-step",
-                format!("{step} voxels make rays of {longest} steps, more than {}", constants::MAX_ITERATIONS),
+                format!("{step} voxels make rays of {longest} steps, too many for {}", constants::MAX_ITERATIONS),
                 "use longer steps",
             ));
         }
+        let lights_per_sample = scene.light_count.min(MAX_LIGHTS_PER_SAMPLE).min(rays_left);
         let behind = match background {
             Background::Transparent => constants::BACKGROUND_TRANSPARENT,
             Background::Color(_) => constants::BACKGROUND_COLOR,
             Background::Environment => constants::BACKGROUND_ENVIRONMENT,
         };
-        let specialization = [("ENVIRONMENT", scene.environment), ("BACKGROUND", behind)];
-        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::CAMERA, &specialization)?, step, samples })
+        let specialization = [("ENVIRONMENT", scene.environment), ("BACKGROUND", behind), ("LIT", is_lit.into())];
+        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::CAMERA, &specialization)?, step, samples, lights_per_sample })
     }
 
     /// An image for a picture of `size` pixels: linear RGB premultiplied by alpha.
@@ -61,9 +77,15 @@ impl Camera {
             sample_index: sample,
             samples: self.samples,
             step_voxels: self.step,
+            light_count: scene.light_count,
+            lights_per_sample: self.lights_per_sample,
+            light_step: self.step,
         };
         let binds = [
             ("scene_block", scene.block.bind()),
+            ("transfer_block", scene.transfer.bind()),
+            ("scalar", scene.scalar.sampled(Filter::Nearest)),
+            ("lights", scene.lights.bind()),
             ("total", total.sampled(Filter::Linear)),
             ("emptiness", emptiness.sampled(Filter::Nearest)),
             ("environment_image", scene.environment_image.sampled(Filter::Nearest)),

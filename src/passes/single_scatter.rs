@@ -14,6 +14,7 @@ pub struct SingleScatter {
     pipeline: Pipeline,
     directions: u32,
     step: f32,
+    has_next: bool,
 }
 
 impl SingleScatter {
@@ -25,15 +26,26 @@ impl SingleScatter {
             ("HAS_NEXT", has_next.into()),
             ("ENVIRONMENT", scene.environment),
         ];
-        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, directions, step })
+        Ok(Self {
+            pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?,
+            directions,
+            step,
+            has_next,
+        })
+    }
+
+    /// Delta lights whose light is cached: it is for the next order only.
+    fn lights(&self, scene: &SceneData) -> u32 {
+        if self.has_next { scene.light_count } else { 0 }
     }
 
     /// Rays per voxel.
     pub fn rays(&self, scene: &SceneData) -> u32 {
-        scene.light_count + if scene.environment == 0 { 0 } else { self.directions }
+        self.lights(scene) + if scene.environment == 0 { 0 } else { self.directions }
     }
 
-    /// Adds order 1 of a chunk to `orders.total`, and writes it to `orders.next` if there is a next order. `field` has
+    /// Adds order 1 of a chunk, but for the delta lights that the camera adds, to `orders.total`, and writes all of it to
+    /// `orders.next` if there is a next order. `field` has
     /// the extinction. Ordered after all compute accesses before; ends with these images written by compute.
     #[allow(clippy::too_many_arguments, reason = "what a kernel reads and writes is named one by one")]
     pub fn record(
@@ -49,10 +61,13 @@ impl SingleScatter {
         let rays = self.rays(scene);
         let per_dispatch = rays_per_invocation(scene.params.dims, self.step);
         let mut begin = 0u32;
-        // One dispatch even where nothing shines: it clears what the order before left.
+        if rays == 0 && !self.has_next {
+            return;
+        }
+        // One dispatch even where nothing shines: the next order's source must be written.
         loop {
             let end = rays.min(begin.saturating_add(per_dispatch));
-            let lights = scene.light_count;
+            let lights = self.lights(scene);
             let push = SingleScatterPush {
                 chunk_begin: chunk.begin,
                 chunk_items: chunk.items,

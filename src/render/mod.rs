@@ -154,7 +154,7 @@ impl<'a> Renderer<'a> {
             mask: s.mask,
             classify: Classify::new(ctx, s.model == Model::Absorption)?,
             phong: if s.model == Model::Phong { Some(Phong::new(ctx)?) } else { None },
-            camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp)?,
+            camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp, orders > 0)?,
             scatter,
             list,
             active: 0,

@@ -209,7 +209,7 @@ impl Default for Settings {
             defence: 0.2,
             mask: [0xF0; 4],
             size: [512, 512],
-            spp: 4,
+            spp: 8,
             seed: 0,
         }
     }
