@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<String> {
     if let Some(path) = &args.stats {
         stats.write(path)?;
     }
-    let messages = ctx.messages();
+    let messages = ctx.close();
     if let Some(first) = messages.first() {
         return Err(Error::Validation { count: messages.len(), first: first.to_string() });
     }
