@@ -85,7 +85,7 @@ fn progress_bar(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{msg:18} [{bar:40}] {percent:>3} %  {eta} left")
+    let style = ProgressStyle::with_template("{msg:19} [{bar:40}] {percent:>3} %  {eta} left")
         .expect("the template is a constant and valid")
         .progress_chars("=> ");
     ProgressBar::new(BAR_STEPS).with_style(style)
