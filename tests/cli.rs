@@ -355,7 +355,6 @@ fn full_stdout_is_an_error() {
 const SMALL: [&str; 9] = ["render", "--volume", PHANTOM, "--size", "24x16", "--orders", "2", "--spp", "1"];
 
 #[test]
-#[ignore = "render is not there yet"]
 fn render_writes_picture_and_figures() {
     let place = Place::new();
     let text = place.succeeds(&[&SMALL[..], &["-o", "a.exr", "--stats", "s.json"]].concat());
@@ -372,7 +371,6 @@ fn render_writes_picture_and_figures() {
 }
 
 #[test]
-#[ignore = "render is not there yet"]
 fn same_seed_gives_same_bytes_and_another_seed_others() {
     let place = Place::new();
     for (name, seed) in [("a.exr", "7"), ("b.exr", "7"), ("c.exr", "8")] {
@@ -384,7 +382,6 @@ fn same_seed_gives_same_bytes_and_another_seed_others() {
 }
 
 #[test]
-#[ignore = "render is not there yet"]
 fn quiet_is_quiet_and_json_is_json() {
     let place = Place::new();
     assert_eq!(place.succeeds(&[&SMALL[..], &["--quiet"]].concat()), "");
@@ -393,7 +390,6 @@ fn quiet_is_quiet_and_json_is_json() {
 }
 
 #[test]
-#[ignore = "render is not there yet"]
 fn validation_has_nothing_to_say() {
     let place = Place::new();
     place.succeeds(&[&SMALL[..], &["--validate", "--stats", "s.json"]].concat());
@@ -401,9 +397,27 @@ fn validation_has_nothing_to_say() {
     assert_eq!(stats["validation"], serde_json::json!({"enabled": true, "errors": 0, "warnings": 0}));
 }
 
+/// The layer's best practices complain about the debugging extension that the messages themselves need.
+#[test]
+fn a_validation_message_ends_with_exit_code_1_and_no_picture() {
+    let place = Place::new();
+    let mut command = place.command(&[&SMALL[..], &["--validate", "--stats", "s.json"]].concat());
+    // The second is the name that layers since 1.3.275 know.
+    command.env("VK_LAYER_ENABLES", "VK_VALIDATION_FEATURE_ENABLE_BEST_PRACTICES_EXT");
+    command.env("VK_LAYER_VALIDATE_BEST_PRACTICES", "1");
+    let output = command.output().unwrap();
+    let stderr = text(&output.stderr);
+    assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(1), ""), "{stderr}");
+    assert!(stderr.contains("validation reported") && stderr.contains("BestPractices"), "{stderr}");
+    // The figures, which count the messages, are all that is left.
+    let names: Vec<_> = place.files().into_iter().map(|f| f.0).collect();
+    assert_eq!(names, ["s.json"]);
+    let stats = json(&fs::read_to_string(place.path("s.json")).unwrap());
+    assert!(stats["validation"]["warnings"].as_u64().unwrap() > 0, "{stats}");
+}
+
 #[test]
 #[cfg(unix)]
-#[ignore = "render is not there yet"]
 fn interrupt_leaves_no_file() {
     let place = Place::new();
     // Long enough that the interrupt surely comes first.

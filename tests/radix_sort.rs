@@ -297,12 +297,6 @@ fn too_large_a_capacity_is_refused_before_anything_is_allocated() {
 }
 
 #[test]
-#[ignore = "long: more workgroups than one axis of a grid holds"]
-fn more_workgroups_than_one_axis_holds() {
-    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, 0..16, &[128 * 32_000, 128 * 65_535 - 1]));
-}
-
-#[test]
 #[ignore = "long: the largest buffers that lavapipe binds"]
 fn exact_at_the_largest_sizes() {
     gpu_test(|ctx| {

@@ -3,7 +3,7 @@
 // A tile is TILE = WORKGROUP * ROWS consecutive items. Subgroup k owns the k-th part of WORKGROUP * ROWS / subgroups
 // items, row by row: in row r, lane l has item `item_index(tile, r)`, so that loads and stores are coalesced.
 //
-// Contract. The including kernel defines STATUS_BINDING and
+// Contract. Specialization ids 0 to 4 are taken. The including kernel defines STATUS_BINDING and
 //     uint tile_item(uint index)    // value of item `index`, 0 beyond the end; recomputable, see lookback.glsl
 // and in main():
 //     uint tile = take_tile(LOOKBACK_TICKET);

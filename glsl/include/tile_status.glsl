@@ -11,6 +11,10 @@
 // State and value share one word, so relaxed atomics suffice. Words only grow (atomicMax), and all who publish the same
 // state of a tile publish the same value: the owner and any number of helpers may do it, in any order.
 //
+// Kernels keep to GLSL's own memory model: relaxed atomics with device scope need no more, and under
+// `#pragma use_vulkan_memory_model` lavapipe 22.3.6 suspends the subgroup at every access to shared memory; a loop with
+// such accesses that not all subgroups run then puts their later barriers out of step.
+//
 // The kernel defines STATUS_BINDING: `status` is bound there, `diagnostics` at STATUS_BINDING + 1.
 // `status` is zero before the dispatch. `diagnostics` is never cleared here, so that its errors outlive the dispatch.
 #ifndef TILE_STATUS_GLSL

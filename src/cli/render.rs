@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<String> {
     if let Some(path) = &args.stats {
         stats.write(path)?;
     }
-    let messages = ctx.messages();
+    let messages = ctx.close();
     if let Some(first) = messages.first() {
         return Err(Error::Validation { count: messages.len(), first: first.to_string() });
     }
@@ -85,7 +85,7 @@ fn progress_bar(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{msg:18} [{bar:40}] {percent:>3} %  {eta} left")
+    let style = ProgressStyle::with_template("{msg:19} [{bar:40}] {percent:>3} %  {eta} left")
         .expect("the template is a constant and valid")
         .progress_chars("=> ");
     ProgressBar::new(BAR_STEPS).with_style(style)
