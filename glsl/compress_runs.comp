@@ -25,8 +25,9 @@ layout(push_constant, scalar) uniform CompressRunsPush {
     uint capacity;
 };
 
-uint hash_at(uint voxel) {
-    return hash_color(texelFetch(color, ivec3(voxel_from_linear(voxel)), 0).r, proxy_control[PROXY_MASK]);
+// Equal exactly where the hashes are equal, and cheaper.
+uint masked_at(uint voxel) {
+    return texelFetch(color, ivec3(voxel_from_linear(voxel)), 0).r & proxy_control[PROXY_MASK];
 }
 
 // 1 where a run begins.
@@ -34,7 +35,7 @@ uint tile_item(uint voxel) {
     if (voxel >= count) {
         return 0u;
     }
-    return voxel == 0u || hash_at(voxel) != hash_at(voxel - 1u) ? 1u : 0u;
+    return voxel == 0u || masked_at(voxel) != masked_at(voxel - 1u) ? 1u : 0u;
 }
 
 void main() {
@@ -59,7 +60,7 @@ void main() {
             uint run = scan.before + before[row] + is_head[row] - 1u;
             imageStore(bucket_id, ivec3(voxel_from_linear(voxel)), uvec4(run));
             if (is_head[row] != 0u && run < capacity) {
-                run_hash[run] = hash_at(voxel);
+                run_hash[run] = hash_color(masked_at(voxel), proxy_control[PROXY_MASK]);
                 run_base[run] = voxel;
                 run_number[run] = run;
             }
