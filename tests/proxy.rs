@@ -10,8 +10,9 @@ use common::gpu_test;
 use data::{Random, assert_same};
 use half::f16;
 use scenes::{phantom_scene, scene_of, volume_of};
+use std::io::Write as _;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tyndall::abi::SceneParams;
 use tyndall::cpu;
 use tyndall::passes::compact::ActiveList;
@@ -310,20 +311,22 @@ fn the_renderer_builds_it_anew_for_every_order() {
 #[test]
 #[ignore = "long; scripts/test --full"]
 fn real_volumes() {
-    let folder = std::env::var_os("TYNDALL_VOLUMES").map_or_else(|| PathBuf::from("../shared/volumes"), PathBuf::from);
+    let folder = std::env::var_os("TYNDALL_VOLUMES")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/volumes"), PathBuf::from);
+    // Written past the test harness, which would swallow it.
+    let tell = |line: String| writeln!(std::io::stderr(), "{line}").unwrap();
     for (file, preset) in [("skull_ct.nrrd", "ct-bone"), ("heart_ct.nii.gz", "ct-heart")] {
         let path = folder.join(file);
         if !path.exists() {
-            println!("SKIP real_volumes: {} is not there", path.display());
+            tell(format!("SKIPPED: no {}; set TYNDALL_VOLUMES to its folder", path.display()));
             continue;
         }
         for (bits, mask) in [(4, 0xF0F0_F0F0), (8, u32::MAX)] {
             gpu_test(|ctx| {
                 let toml = format!("preset = \"{preset}\"\n[render]\n{QUICK}orders = 2\nmask = {bits}");
-                let scene = scene_of(&toml, volume::load(&path, None).unwrap());
-                let got = proxy_of(ctx, &scene);
+                let got = proxy_of(ctx, &scene_of(&toml, volume::load(&path, None).unwrap()));
                 check(&format!("{file}, {bits} bits"), &got, mask);
-                println!("{file}, {bits} bits: {:?} of {} voxels", got.counts, got.color.len());
+                tell(format!("{file}, {bits} bits: {:?} of {} voxels", got.counts, got.color.len()));
             });
         }
     }
