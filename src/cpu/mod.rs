@@ -2,5 +2,6 @@
 //! the passes with them.
 
 pub mod classify;
+pub mod proxy;
 pub mod radix_sort;
 pub mod scan;

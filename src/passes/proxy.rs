@@ -9,7 +9,7 @@
 
 use super::classify::voxel_grid;
 use super::compact::{ActiveList, ChunkArgs, TILE, lookback_constants};
-use super::lookback::{self, Count, Diagnostics, DispatchArgs};
+use super::lookback::{self, Count, Diagnostics, DispatchArgs, Report};
 use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
 use super::scan::{Scan, ScanConfig, ScanScratch};
 use super::scene_data::SceneData;
@@ -28,6 +28,8 @@ pub struct ProxyConfig {
     pub capacity: Option<u32>,
     /// For tests: every bucketColor is set to zero after the build, which makes all candidates look the same.
     pub zero_colors: bool,
+    /// For tests: when not 0, every `withhold`-th tile of each look-back never publishes, as if it had been suspended.
+    pub withhold: u32,
 }
 
 /// The proxy with all its memory.
@@ -100,6 +102,10 @@ pub struct ProxyContents {
     pub bucket_base: Vec<u32>,
     /// bucketSize.
     pub bucket_size: Vec<u32>,
+    /// Largest source function of the volume, times radiance_scale.
+    pub source_max: f32,
+    /// What proxy rays read of every bucket: two half floats, source function and extinction.
+    pub bucket_light: Vec<u32>,
 }
 
 /// A per-channel mask as the kernels use it: R in the lowest byte.
@@ -119,10 +125,11 @@ impl Proxy {
         let bits = mask_word(config.mask).count_ones();
         // A hash of b bits has at most 2^b values.
         let buckets = if bits < 31 { capacity.min(1 << bits) } else { capacity };
-        let specialization = lookback_constants(ctx);
+        let withhold = config.withhold;
+        let specialization = [&lookback_constants(ctx)[..], &[("WITHHOLD", withhold)]].concat();
         let list = [("WORKGROUP", LIST_WORKGROUP)];
-        let sort = RadixSort::new(ctx, RadixSortConfig::default())?;
-        let scan = Scan::new(ctx, ScanConfig::default())?;
+        let sort = RadixSort::new(ctx, RadixSortConfig { withhold, ..Default::default() })?;
+        let scan = Scan::new(ctx, ScanConfig { withhold, ..Default::default() })?;
         let tiles = voxels.div_ceil(TILE);
         let runs = |name| ctx.device_buffer::<u32>(name, capacity as usize);
         let table = |name| ctx.device_buffer::<u32>(name, buckets as usize);
@@ -354,12 +361,11 @@ impl Proxy {
         }
     }
 
-    /// Fails if a kernel reported that its result cannot be trusted.
-    pub fn check(&self, ctx: &Context) -> Result<()> {
-        self.diagnostics.check(ctx, "proxy")?;
+    /// What the two compressions reported. Fails if a kernel reported that its result cannot be trusted.
+    pub fn check(&self, ctx: &Context) -> Result<Report> {
         self.sort_scratch.diagnostics().check(ctx, "proxy.sort")?;
         self.scan_scratch.diagnostics().check(ctx, "proxy.scan")?;
-        Ok(())
+        self.diagnostics.check(ctx, "proxy")
     }
 
     /// Everything, for tests.
@@ -374,6 +380,8 @@ impl Proxy {
             hash_value: table(&self.tables.hash)?,
             bucket_base: table(&self.tables.base)?,
             bucket_size: table(&self.tables.size)?,
+            source_max: f32::from_bits(ctx.read_back(&self.source_max)?[0]),
+            bucket_light: table(&self.bucket_light)?,
         })
     }
 }

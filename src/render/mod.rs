@@ -136,6 +136,7 @@ impl<'a> Renderer<'a> {
                         mask: s.mask,
                         capacity: internals.proxy_capacity,
                         zero_colors: internals.zero_bucket_colors,
+                        withhold: 0,
                     };
                     Some(Proxy::new(ctx, &data, config)?)
                 } else {

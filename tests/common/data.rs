@@ -1,5 +1,7 @@
 //! Deterministic test data and exact comparison.
 
+#![allow(dead_code, reason = "each test file uses a part of it")]
+
 /// A sequence of random words that the seed fixes (SplitMix64).
 pub struct Random(pub u64);
 
