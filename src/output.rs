@@ -314,7 +314,7 @@ fn filmic(rgb: [f64; 3]) -> [f64; 3] {
 /// Share of the lit pixels that automatic exposure lets go beyond its target: highlights and fireflies.
 const AUTO_EXPOSURE_TAIL: f64 = 0.01;
 /// Linear display value that automatic exposure gives the brightest pixel before that tail.
-const AUTO_EXPOSURE_TARGET: f64 = 0.8;
+const AUTO_EXPOSURE_TARGET: f64 = 0.6;
 
 /// Stops that the options mean for this picture.
 pub fn stops_of(picture: &Picture, png: &PngOptions) -> f32 {
@@ -425,7 +425,7 @@ mod tests {
             *p = [0.05, 0.05, 0.05, 1.0];
         }
         let plain = automatic_stops(&picture, ToneCurve::Linear);
-        assert!((plain - (0.8f32 / 0.05).log2()).abs() < 1e-5, "{plain}");
+        assert!((plain - (AUTO_EXPOSURE_TARGET as f32 / 0.05).log2()).abs() < 1e-5, "{plain}");
         for p in &mut picture.pixels[2000..2005] {
             *p = [1e9, 1e9, 1e9, 1.0];
         }
