@@ -66,6 +66,10 @@ fn write_after_write_is_noticed_by_us() {
 
 #[test]
 fn leaked_buffer_is_noticed() {
+    // It leaks the device as well, upon which layer 1.4.309 with GPU-assisted validation aborts the process at its end.
+    if common::validation() == Validation::GpuAssisted {
+        return;
+    }
     let messages = common::messages_of(|ctx| {
         std::mem::forget(ctx.device_buffer::<u32>("forgotten", 16).unwrap());
     });

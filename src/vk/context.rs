@@ -61,6 +61,7 @@ pub(super) struct DeviceShared {
     pub(super) has_timestamps: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
     pub(super) checks_hazards: bool,
+    pub(super) is_gpu_assisted: bool,
     pub(super) sink: Arc<Sink>,
     max_allocation: u64,
     bytes_now: AtomicU64,
@@ -197,6 +198,7 @@ fn create_instance(validation: Validation) -> Result<Instance> {
             .values(bytemuck::cast_slice(value))
     };
     const ON: &[u32; 1] = &[vk::TRUE];
+    const OFF: &[u32; 1] = &[vk::FALSE];
     // Newer layers see dispatch-to-dispatch hazards only with the shader access heuristic.
     let settings = match validation {
         Validation::Off => vec![],
@@ -205,7 +207,12 @@ fn create_instance(validation: Validation) -> Result<Instance> {
             setting(c"syncval_submit_time_validation", ON),
             setting(c"syncval_shader_accesses_heuristic", ON),
         ],
-        Validation::GpuAssisted => vec![setting(c"gpuav_enable", ON)],
+        // The layer warns when it is asked for core checks beside, and where a device lacks what an enabled check needs.
+        Validation::GpuAssisted => vec![
+            setting(c"validate_core", OFF),
+            setting(c"gpuav_enable", ON),
+            setting(c"gpuav_validate_ray_query", OFF),
+        ],
     };
     let mut settings_info = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
     if validation != Validation::Off {
@@ -513,6 +520,7 @@ impl Context {
             max_subgroup_size: probe.max_subgroup_size,
             has_timestamps: probe.timestamp_bits > 0 && probe.limits.timestamp_period > 0.0,
             debug,
+            is_gpu_assisted: config.validation == Validation::GpuAssisted,
             checks_hazards: cfg!(debug_assertions) || config.validation != Validation::Off,
             sink: instance.sink,
             max_allocation: probe.max_allocation,

@@ -561,7 +561,14 @@ impl Submission {
         self.is_done = true;
         let device = &self.recorder.device;
         // SAFETY: the fence is alive and was handed to the queue.
-        let result = unsafe { device.raw.wait_for_fences(&[self.recorder.fence], true, TIMEOUT.as_nanos() as u64) };
+        let mut result = unsafe { device.raw.wait_for_fences(&[self.recorder.fence], true, TIMEOUT.as_nanos() as u64) };
+        if device.is_gpu_assisted && result.is_ok() {
+            // Layer 1.4.309 reads its findings only after it has released the waiting fence; what is destroyed before
+            // takes them along. Idle waits come after.
+            let _queue = device.queue.lock().unwrap_or_else(|e| e.into_inner());
+            // SAFETY: the device is alive; the lock keeps other threads off the queue.
+            result = unsafe { device.raw.device_wait_idle() };
+        }
         result.map_err(|result| Error::Vulkan { operation: "vkWaitForFences", object: "submission".into(), result })
     }
 }

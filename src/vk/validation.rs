@@ -62,8 +62,18 @@ impl Sink {
     }
 }
 
-/// Message ids that are let through, each with the layer versions that send it and the reason. Empty: nothing is.
-const ALLOWED: &[(&str, &str)] = &[];
+/// Messages that are let through: id and a part of the text, each with the layer versions that send it and the reason.
+const ALLOWED: &[(&str, &str)] = &[
+    // Layers of the `LayerSettings::Settings` kind (seen: 1.4.309): GPU-assisted validation tells which device features
+    // and limits it changes for itself. Nothing of the program's own use is judged. What it cannot do and leaves out
+    // has the same id and other words, and is not let through.
+    ("WARNING-GPU-Assisted-Validation", "Internal Warning: Forcing "),
+    ("WARNING-GPU-Assisted-Validation", "Internal Warning: Setting "),
+];
+
+fn is_allowed(id: &str, text: &str) -> bool {
+    ALLOWED.iter().any(|(allowed, part)| *allowed == id && text.contains(part))
+}
 
 /// Called by the layer. Never unwinds, always lets the call go on.
 unsafe extern "system" fn callback(
@@ -84,7 +94,7 @@ unsafe extern "system" fn callback(
         };
         (&*user.cast::<Sink>(), string(data.p_message_id_name), string(data.p_message))
     };
-    if ALLOWED.iter().any(|(allowed, _)| *allowed == id) {
+    if is_allowed(&id, &text) {
         return vk::FALSE;
     }
     let severity = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) {
@@ -129,4 +139,20 @@ pub(super) fn find_layer(entry: &ash::Entry) -> Result<LayerSettings> {
     let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(LAYER)) }.unwrap_or_default();
     let has_settings = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::layer_settings::NAME));
     Ok(if has_settings { LayerSettings::Settings } else { LayerSettings::Features })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_listed_words_of_a_listed_id_pass() {
+        let id = "WARNING-GPU-Assisted-Validation";
+        assert!(is_allowed(id, "vkCreateDevice(): Internal Warning: Forcing shaderInt64 to VK_TRUE"));
+        assert!(!is_allowed(
+            id,
+            "vkCreateDevice(): Internal Warning: Ray Query validation option was enabled, but ..."
+        ));
+        assert!(!is_allowed("UNASSIGNED-GPU-Assisted-Validation", "Internal Error, GPU-AV is being disabled"));
+    }
 }
