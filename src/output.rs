@@ -314,7 +314,7 @@ fn filmic(rgb: [f64; 3]) -> [f64; 3] {
 /// Share of the lit pixels that automatic exposure lets go beyond its target: highlights and fireflies.
 const AUTO_EXPOSURE_TAIL: f64 = 0.01;
 /// Linear display value that automatic exposure gives the brightest pixel before that tail.
-const AUTO_EXPOSURE_TARGET: f64 = 0.6;
+const AUTO_EXPOSURE_TARGET: f64 = 0.7;
 
 /// Stops that the options mean for this picture.
 pub fn stops_of(picture: &Picture, png: &PngOptions) -> f32 {
