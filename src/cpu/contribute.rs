@@ -1,6 +1,5 @@
 //! Twin of `include/contribute.glsl`.
 
-use super::scene::world_from_index;
 use super::sphere::phase_hg;
 use super::texture::Texture;
 use crate::abi::SceneParams;
@@ -37,12 +36,6 @@ pub fn arrive(scene: &SceneParams, sum: &mut Arrived, l: Vec3, direction: Vec3, 
         sum.b[axis] += l * direction[axis];
     }
     sum.eye += l * (4.0 * PI * phase_hg(scene.g, direction.dot(to_eye)));
-}
-
-/// Propagation direction of light that goes from the voxel to the eye.
-pub fn direction_to_eye(scene: &SceneParams, index_position: Vec3) -> Vec3 {
-    let d = Vec3::from(scene.eye) - world_from_index(scene, index_position);
-    if d == Vec3::ZERO { -Vec3::from(scene.forward) } else { d.normalize() }
 }
 
 /// Scatters what arrived at a voxel: `scattering` is its scattering coefficient in the fields' units.

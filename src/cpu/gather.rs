@@ -1,10 +1,10 @@
 //! Twins of `gather_proxy.comp`, `gather_select.comp` and `gather_trace.comp`.
 
 use super::classify::{albedo_of, classify};
-use super::contribute::{Arrived, Orders, add_to, arrive, direction_to_eye};
+use super::contribute::{Arrived, Orders, add_to, arrive};
 use super::march::{LEAST_TRANSMITTANCE, Ray, make_ray, mean_transmittance};
 use super::rng::{random_float, stream_key};
-use super::scene::{HostScene, voxel_from_linear};
+use super::scene::{HostScene, direction_to_eye, voxel_from_linear};
 use super::sphere::lattice_direction;
 use super::texture::Texture;
 use crate::abi::SceneParams;

@@ -1,8 +1,7 @@
 //! Twin of `phong.comp`.
 
 use super::classify::classify;
-use super::contribute::direction_to_eye;
-use super::scene::{HostScene, voxel_from_linear, world_from_index};
+use super::scene::{HostScene, direction_to_eye, voxel_from_linear, world_from_index};
 use super::texture::Texture;
 use crate::shaders::constants::MAX_HALF;
 use glam::{IVec3, Vec3, Vec4};

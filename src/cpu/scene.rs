@@ -55,6 +55,12 @@ pub fn index_from_world(scene: &SceneParams, p: Vec3) -> Vec3 {
     index_from_world_direction(scene, p) + Vec3::from(scene.index_of_origin)
 }
 
+/// Propagation direction of light that goes from a voxel to the eye.
+pub fn direction_to_eye(scene: &SceneParams, index_position: Vec3) -> Vec3 {
+    let d = Vec3::from(scene.eye) - world_from_index(scene, index_position);
+    if d == Vec3::ZERO { -Vec3::from(scene.forward) } else { d.normalize() }
+}
+
 /// Voxel of a linear index.
 pub fn voxel_from_linear(scene: &SceneParams, i: u32) -> UVec3 {
     let [x, y, _] = scene.dims;

@@ -1,10 +1,10 @@
 //! Twin of `single_scatter.comp`.
 
 use super::classify::{albedo_of, classify};
-use super::contribute::{Arrived, Orders, add_to, arrive, direction_to_eye};
+use super::contribute::{Arrived, Orders, add_to, arrive};
 use super::march::{Ray, make_ray};
 use super::rng::{random_float, stream_key};
-use super::scene::{HostScene, voxel_from_linear, world_from_index};
+use super::scene::{HostScene, direction_to_eye, voxel_from_linear, world_from_index};
 use super::texture::Texture;
 use crate::abi::{LightData, SceneParams};
 use glam::{Vec3, Vec4};
@@ -46,9 +46,8 @@ pub fn single_scatter(
         let position = voxel.as_vec3() + 0.5;
         let world = world_from_index(s, position);
         let to_eye = direction_to_eye(s, position);
-        let seen = |towards: Vec3, limit: f32| {
-            transmittance(s, field, make_ray(s, position, towards, step_voxels), limit)
-        };
+        let seen =
+            |towards: Vec3, limit: f32| transmittance(s, field, make_ray(s, position, towards, step_voxels), limit);
         let mut sum = Arrived::default();
         for light in &scene.lights {
             let (travel, irradiance, reach) = light_at(s, light, world);
