@@ -12,8 +12,8 @@ use glam::{DVec3, Vec3, Vec4};
 use tyndall::cpu;
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::camera::Camera;
-use tyndall::scene::camera::look_at;
-use tyndall::scene::{Background, Environment, Scene};
+use tyndall::scene::camera::{self, look_at};
+use tyndall::scene::{Background, Environment, Light, Model, Scene};
 use tyndall::vk::{Context, Recorder};
 
 /// Both read the same half floats and compute in single precision. Rays are cut at a transmittance of 1e-3, and
@@ -39,7 +39,8 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
     let total_image = image(ctx, "total", &Texture::new(p.dims, texels.collect()));
     let total = texture(ctx, &total_image);
 
-    let pass = Camera::new(ctx, &setup.data, scene.background, STEP, samples).unwrap();
+    let is_lit = scene.settings.model == Model::Single;
+    let pass = Camera::new(ctx, &setup.data, scene.background, STEP, samples, is_lit).unwrap();
     let picture = Camera::picture(ctx, p.size).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
     for sample in 0..samples {
@@ -50,7 +51,8 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
     }
     rec.submit_and_wait().unwrap();
     let got: Vec<Vec4> = ctx.read_back_image(&picture).unwrap();
-    let expected = cpu::camera::camera(&setup.host, scene.background, &total, samples, STEP);
+    let lights = if is_lit { scene.lights.len().min(8) as u32 } else { 0 };
+    let expected = cpu::camera::camera(&setup.host, scene.background, &total, samples, STEP, lights);
     assert_close(name, &got, &expected, ROUNDING, tolerance);
     got
 }
@@ -62,6 +64,26 @@ fn pictures_agree_with_the_twin() {
             for samples in [1, 5] {
                 check(ctx, &format!("{name}, {samples} samples"), &scene, samples);
             }
+        }
+    });
+}
+
+/// Order 1 of delta lights: at one point per sample, of few lights all, of many some.
+#[test]
+fn lit_pictures_agree_with_the_twin() {
+    gpu_test(|ctx| {
+        for (name, mut scene) in scenes() {
+            scene.settings.model = Model::Single;
+            for (samples, g) in [(1, 0.0), (5, 0.6)] {
+                scene.g = g;
+                check(ctx, &format!("{name}, {samples} samples, g {g}"), &scene, samples);
+            }
+            let around = |i: i32| Light::Directional {
+                direction: camera::towards(f64::from(37 * i), f64::from(i - 20)),
+                irradiance: Vec3::new(0.1, 0.2, 0.3) * i as f32,
+            };
+            scene.lights.extend((0..11).map(around));
+            check(ctx, &format!("{name}, 13 lights"), &scene, 3);
         }
     });
 }

@@ -14,7 +14,7 @@ pub struct Arrived {
     pub a: Vec3,
     /// mean L ω_i: component of x, y, z
     pub b: [Vec3; 3],
-    /// mean L 4π p(ω_i · ω_eye)
+    /// mean L 4π p(ω_i · ω_eye), of the light that the eye shall see through the cache
     pub eye: Vec3,
 }
 
@@ -29,12 +29,17 @@ pub struct Orders {
     pub total: Texture<Vec4>,
 }
 
-/// Adds radiance `l` that propagates along `direction` (unit vector, world), weighted.
-pub fn arrive(scene: &SceneParams, sum: &mut Arrived, l: Vec3, direction: Vec3, to_eye: Vec3) {
+/// Adds radiance `l` that propagates along `direction` (unit vector, world), weighted; for the next order only.
+pub fn arrive_unseen(sum: &mut Arrived, l: Vec3, direction: Vec3) {
     sum.a += l;
     for axis in 0..3 {
         sum.b[axis] += l * direction[axis];
     }
+}
+
+/// The same for the next order and for the eye.
+pub fn arrive(scene: &SceneParams, sum: &mut Arrived, l: Vec3, direction: Vec3, to_eye: Vec3) {
+    arrive_unseen(sum, l, direction);
     sum.eye += l * (4.0 * PI * phase_hg(scene.g, direction.dot(to_eye)));
 }
 

@@ -2,7 +2,7 @@
 
 use super::classify::{albedo_of, classify};
 use super::contribute::{Arrived, Orders, add_to, arrive};
-use super::march::{LEAST_TRANSMITTANCE, Ray, make_ray, mean_transmittance};
+use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance};
 use super::rng::{random_float, stream_key};
 use super::scene::{HostScene, direction_to_eye, voxel_from_linear};
 use super::sphere::lattice_direction;
@@ -38,7 +38,7 @@ pub fn gather_proxy(
     let energy = |position: Vec3, towards: Vec3| {
         let ray = make_ray(scene, position, towards, step_voxels);
         let (mut through, mut energy) = (1.0f32, 0.0);
-        for (p, stride) in ray.steps(ray.dt, f32::INFINITY) {
+        for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
             if through <= 0.01 {
                 break;
             }
@@ -95,7 +95,7 @@ pub fn select_shift(scene: &SceneParams, index: u32, order: u32) -> f32 {
 /// extinction, then B by component.
 pub fn traced_radiance(scene: &SceneParams, source: &[Texture<Vec4>; 4], ray: Ray, towards: Vec3) -> Vec3 {
     let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
-    for (p, stride) in ray.steps(ray.dt, f32::INFINITY) {
+    for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
         if through <= LEAST_TRANSMITTANCE {
             break;
         }

@@ -1,8 +1,9 @@
 //! Twin of `include/march.glsl`, without its skipping of empty cells.
 
 use super::scene::index_from_world_direction;
+use super::texture::Texture;
 use crate::abi::SceneParams;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// Below this transmittance a ray ends.
 pub const LEAST_TRANSMITTANCE: f32 = 1e-3;
@@ -39,19 +40,30 @@ pub fn make_ray(scene: &SceneParams, origin: Vec3, direction: Vec3, step_voxels:
     Ray { origin, direction, begin, end, dt: step_voxels / direction.length() }
 }
 
+/// A step of a ray.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Where it begins.
+    pub t: f32,
+    /// World length.
+    pub stride: f32,
+    /// Its middle, index space.
+    pub p: Vec3,
+}
+
 impl Ray {
-    /// Middle (index space) and length of every step before `limit`. The first one is `first` long.
-    pub fn steps(self, first: f32, limit: f32) -> impl Iterator<Item = (Vec3, f32)> {
+    /// Every step before `limit`. The first one is `first` long.
+    pub fn steps(self, first: f32, limit: f32) -> impl Iterator<Item = Step> {
         let end = self.end.min(limit);
         let mut t = self.begin;
-        let mut stride = first;
+        let mut next = first;
         std::iter::from_fn(move || {
             (t < end).then(|| {
-                let length = stride.min(end - t);
-                let middle = self.origin + self.direction * (t + 0.5 * length);
+                let stride = next.min(end - t);
+                let step = Step { t, stride, p: self.origin + self.direction * (t + 0.5 * stride) };
                 t += stride;
-                stride = self.dt;
-                (middle, length)
+                next = self.dt;
+                step
             })
         })
     }
@@ -60,4 +72,11 @@ impl Ray {
 /// (1 − e^−τ)/τ: the mean of the transmittance over a step of optical depth τ.
 pub fn mean_transmittance(tau: f32) -> f32 {
     if tau > 1e-3 { -(-tau).exp_m1() / tau } else { 1.0 - 0.5 * tau }
+}
+
+/// Transmittance along `ray` up to `limit`; `field` holds relative extinction. 0 below e⁻⁷.
+pub fn transmittance(scene: &SceneParams, field: &Texture<Vec4>, ray: Ray, limit: f32) -> f32 {
+    let depth = |step: Step| field.sample(step.p).w * scene.max_extinction * step.stride;
+    let tau: f32 = ray.steps(ray.dt, limit).map(depth).sum();
+    if tau < 7.0 { (-tau).exp() } else { 0.0 }
 }

@@ -8,6 +8,7 @@ pub mod camera;
 pub mod classify;
 pub mod compact;
 pub mod contribute;
+pub mod delta_lights;
 pub mod emptiness;
 pub mod environment;
 pub mod gather;

@@ -1,6 +1,7 @@
 //! Twin of `phong.comp`.
 
 use super::classify::classify;
+use super::delta_lights::light_at;
 use super::scene::{HostScene, direction_to_eye, voxel_from_linear, world_from_index};
 use super::texture::Texture;
 use crate::shaders::constants::MAX_HALF;
@@ -31,17 +32,12 @@ pub fn phong(scene: &HostScene, active_voxels: &[u32], ambient: Vec3, total: &mu
         let normal = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
         let mut lit = color * ambient;
         for light in &scene.lights {
-            let (mut to_light, mut irradiance) = (-Vec3::from(light.vector), Vec3::from(light.power));
-            if light.is_point != 0 {
-                let d = Vec3::from(light.vector) - world;
-                let distance = d.length().max(0.5 * s.mean_spacing);
-                to_light = d / distance;
-                irradiance /= distance * distance;
-            }
+            let light = light_at(s, light, world);
+            let to_light = -light.travel;
             let facing = normal.dot(to_light).max(0.0);
             let half = (to_light + to_eye).normalize_or_zero();
             let shine = if facing > 0.0 { normal.dot(half).max(0.0).powf(SHININESS) } else { 0.0 };
-            lit += irradiance / PI * (color * facing + SPECULAR * shine);
+            lit += light.irradiance / PI * (color * facing + SPECULAR * shine);
         }
         let extinction = m.extinction / s.max_extinction;
         let light = (lit * extinction * s.radiance_scale).min(Vec3::splat(MAX_HALF));

@@ -1,37 +1,16 @@
 //! Twin of `single_scatter.comp`.
 
 use super::classify::{albedo_of, classify};
-use super::contribute::{Arrived, Orders, add_to, arrive};
-use super::march::{Ray, make_ray};
+use super::contribute::{Arrived, Orders, add_to, arrive, arrive_unseen};
+use super::delta_lights::light_at;
+use super::march::{make_ray, transmittance};
 use super::rng::{random_float, stream_key};
 use super::scene::{HostScene, direction_to_eye, voxel_from_linear, world_from_index};
 use super::texture::Texture;
-use crate::abi::{LightData, SceneParams};
 use glam::{Vec3, Vec4};
 use std::f32::consts::PI;
 
-/// Transmittance along `ray` up to `limit`; 0 below e⁻⁷.
-pub fn transmittance(scene: &SceneParams, field: &Texture<Vec4>, ray: Ray, limit: f32) -> f32 {
-    let mut tau = 0.0;
-    for (p, stride) in ray.steps(ray.dt, limit) {
-        tau += field.sample(p).w * scene.max_extinction * stride;
-    }
-    if tau < 7.0 { (-tau).exp() } else { 0.0 }
-}
-
-/// Direction of travel and irradiance of a light at `world`, and how far away it is.
-fn light_at(scene: &SceneParams, light: &LightData, world: Vec3) -> (Vec3, Vec3, f32) {
-    let (vector, power) = (Vec3::from(light.vector), Vec3::from(light.power));
-    if light.is_point == 0 {
-        return (vector, power, f32::INFINITY);
-    }
-    let distance = (world - vector).length();
-    let least = distance.max(0.5 * scene.mean_spacing);
-    let travel = if distance > 0.0 { (world - vector) / distance } else { Vec3::Z };
-    (travel, power / (least * least), distance)
-}
-
-/// Adds order 1 of the listed voxels to `orders`.
+/// Adds order 1 of the listed voxels to `orders`; delta lights for the next order only.
 pub fn single_scatter(
     scene: &HostScene,
     active_voxels: &[u32],
@@ -50,8 +29,8 @@ pub fn single_scatter(
             |towards: Vec3, limit: f32| transmittance(s, field, make_ray(s, position, towards, step_voxels), limit);
         let mut sum = Arrived::default();
         for light in &scene.lights {
-            let (travel, irradiance, reach) = light_at(s, light, world);
-            arrive(s, &mut sum, irradiance * (seen(-travel, reach) / (4.0 * PI)), travel, to_eye);
+            let light = light_at(s, light, world);
+            arrive_unseen(&mut sum, light.irradiance * (seen(-light.travel, light.reach) / (4.0 * PI)), light.travel);
         }
         let key = stream_key(index, 1, s.seed_low, s.seed_high);
         let shift = [random_float(key, 0), random_float(key, 1)];
