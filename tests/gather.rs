@@ -157,8 +157,8 @@ fn check_proxy(name: &str, g: &Gathered, config: GatherConfig) {
     let got = g.weights.concat();
     assert_eq!(got.len(), expected.len(), "{name}");
     let most = expected.iter().copied().fold(0.0, f32::max);
-    let is_wrong = |i: &usize| !((got[*i] - expected[*i]).abs() <= 1e-3 * expected[*i] + 1e-5 * most);
-    let wrong: Vec<usize> = (0..got.len()).filter(is_wrong).collect();
+    let is_right = |i: usize| (got[i] - expected[i]).abs() <= 1e-3 * expected[i] + 1e-5 * most;
+    let wrong: Vec<usize> = (0..got.len()).filter(|&i| !is_right(i)).collect();
     assert!(
         wrong.len() * 100 <= got.len(),
         "{name}: {} of {} energies differ; the first: {} instead of {}, most {most}",
