@@ -44,7 +44,7 @@ void main() {
         scalar_at(voxel + ivec3(0, 0, 1)) - scalar_at(voxel - ivec3(0, 0, 1)));
     // Gradients are covectors: they turn with the transposed inverse, whose rows are the columns of world-to-index.
     vec3 gradient = vec3(dot(scene.index_of_x, slope), dot(scene.index_of_y, slope), dot(scene.index_of_z, slope));
-    vec3 to_eye = normalize(scene.eye - world);
+    vec3 to_eye = direction_to_eye(vec3(voxel) + 0.5);
     float steepness = length(gradient);
     vec3 normal = steepness > 0.0 ? gradient / steepness : to_eye;
     // Surfaces are lit on the side that is seen.

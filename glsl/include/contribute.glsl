@@ -53,13 +53,6 @@ void arrive(inout Arrived sum, vec3 l, vec3 direction, vec3 to_eye) {
     sum.eye += ANISOTROPIC ? l * (4.0 * PI * phase_hg(scene.g, dot(direction, to_eye))) : l;
 }
 
-// Propagation direction of light that goes from the voxel to the eye.
-vec3 direction_to_eye(vec3 index_position) {
-    vec3 d = scene.eye - world_from_index(index_position);
-    float l = length(d);
-    return l > 0.0 ? d / l : -scene.forward;
-}
-
 void add_to(ivec3 voxel, vec3 scattering, Arrived arrived, float extinction, bool first) {
     if (HAS_NEXT) {
         vec3 a = arrived.a * scattering;

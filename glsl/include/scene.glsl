@@ -63,6 +63,13 @@ vec3 index_from_world(vec3 p) {
     return index_from_world_direction(p) + scene.index_of_origin;
 }
 
+// Propagation direction of light that goes from a voxel to the eye: a unit vector even where they are the same point.
+vec3 direction_to_eye(vec3 index_position) {
+    vec3 d = scene.eye - world_from_index(index_position);
+    float l = length(d);
+    return l > 0.0 ? d / l : -scene.forward;
+}
+
 uvec3 voxel_from_linear(uint i) {
     uint row = i / scene.dims.x;
     return uvec3(i - row * scene.dims.x, row % scene.dims.y, row / scene.dims.y);

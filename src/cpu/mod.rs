@@ -1,7 +1,24 @@
 //! Plain twins of the GPU passes: the same names and argument order, the simplest code that is right. Tests compare
 //! the passes with them.
+//!
+//! Fields are [`Texture`](texture::Texture)s in single precision, so a twin differs from its pass by the half floats
+//! that the GPU stores. Rays visit every step: what the GPU skips must add nothing.
 
+pub mod camera;
 pub mod classify;
+pub mod compact;
+pub mod contribute;
+pub mod delta_lights;
+pub mod emptiness;
+pub mod environment;
+pub mod gather;
+pub mod march;
+pub mod phong;
 pub mod proxy;
 pub mod radix_sort;
+pub mod rng;
 pub mod scan;
+pub mod scene;
+pub mod single_scatter;
+pub mod sphere;
+pub mod texture;

@@ -171,6 +171,16 @@ impl Gather {
         })
     }
 
+    /// Energies that the candidates of the latest chunk were given, `[candidate][item]`, for tests.
+    pub fn weights(&self) -> &Buffer<f32> {
+        &self.weights
+    }
+
+    /// Choices for the latest chunk, `[slot][item]`: candidate and bits of its weight, for tests.
+    pub fn chosen(&self) -> &Buffer<[u32; 2]> {
+        &self.chosen
+    }
+
     /// Rough cost per voxel in traced rays: a proxy ray costs a part of one.
     pub fn rays(&self) -> f64 {
         let estimated = if self.candidates.is_some() { 0.3 * f64::from(self.config.candidates) } else { 0.0 };

@@ -368,6 +368,11 @@ impl Proxy {
         self.diagnostics.check(ctx, "proxy")
     }
 
+    /// What rays read of every bucket (two half floats: source function, extinction), for tests.
+    pub fn bucket_light(&self) -> &Buffer<u32> {
+        &self.bucket_light
+    }
+
     /// Everything, for tests.
     pub fn read_back(&self, ctx: &Context) -> Result<ProxyContents> {
         let counts = Self::counts(&ctx.read_back(&self.control)?);

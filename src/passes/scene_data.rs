@@ -43,6 +43,19 @@ pub fn transfer_points(scene: &Scene) -> Vec<TransferPointData> {
         .collect()
 }
 
+/// The delta lights as the GPU gets them.
+pub fn lights(scene: &Scene) -> Vec<LightData> {
+    let data = |light: &Light| match light {
+        Light::Directional { direction, irradiance } => {
+            LightData { vector: f3(*direction), is_point: 0, power: irradiance.to_array() }
+        }
+        Light::Point { position, intensity } => {
+            LightData { vector: f3(*position), is_point: 1, power: intensity.to_array() }
+        }
+    };
+    scene.lights.iter().map(data).collect()
+}
+
 /// Largest radiance that can arrive at any voxel, averaged over directions: the range of what fields store.
 fn arrival_bound(scene: &Scene, emitted: f32) -> f64 {
     let four_pi = 4.0 * std::f64::consts::PI;
@@ -176,18 +189,7 @@ impl SceneData {
         }
         let environment_image = ctx.image_2d("environment", size, ImageFormat::Rgba32Float)?;
         ctx.upload_image(&environment_image, |_| std::mem::take(&mut pixels))?;
-        let lights: Vec<LightData> = scene
-            .lights
-            .iter()
-            .map(|light| match light {
-                Light::Directional { direction, irradiance } => {
-                    LightData { vector: f3(*direction), is_point: 0, power: irradiance.to_array() }
-                }
-                Light::Point { position, intensity } => {
-                    LightData { vector: f3(*position), is_point: 1, power: intensity.to_array() }
-                }
-            })
-            .collect();
+        let lights = lights(scene);
         Ok(Self {
             block: ctx.upload("scene", &[params])?,
             transfer: ctx.upload("transfer", &points)?,

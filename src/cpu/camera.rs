@@ -1,0 +1,134 @@
+//! Twin of `camera.comp`.
+
+use super::classify::{albedo_of, classify};
+use super::delta_lights::light_at;
+use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance, transmittance};
+use super::rng::{random_float, stream_key};
+use super::scene::{HostScene, index_from_world, world_from_index};
+use super::sphere::{fract, phase_hg};
+use super::texture::Texture;
+use crate::scene::Background;
+use glam::{Vec2, Vec3, Vec4};
+
+/// The camera's random-number stream.
+const STREAM: u32 = 0x4341_4D45;
+
+/// The picture, row by row from the top: radiance premultiplied by alpha, and alpha. `lights_per_sample`: how many of
+/// the delta lights a sample visits; 0 where they are not seen.
+pub fn camera(
+    scene: &HostScene,
+    background: Background,
+    total: &Texture<Vec4>,
+    samples: u32,
+    step_voxels: f32,
+    lights_per_sample: u32,
+) -> Vec<Vec4> {
+    let (s, points) = (&scene.params, &scene.points);
+    let coefficients = |&value: &f32| {
+        let m = classify(s, points, value);
+        (m.extinction * Vec3::from(albedo_of(s, &m))).extend(m.extinction)
+    };
+    let coefficients = Texture::new(s.dims, scene.scalar.texels.iter().map(coefficients).collect());
+    let camera = Camera { scene, background, total, coefficients, samples, step_voxels, lights_per_sample };
+    let [width, height] = scene.params.size;
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
+    pixels
+        .map(|pixel| {
+            let all = (0..samples).map(|i| camera.sample(pixel, i));
+            all.sum::<Vec4>() / samples as f32
+        })
+        .collect()
+}
+
+struct Camera<'a> {
+    scene: &'a HostScene,
+    background: Background,
+    total: &'a Texture<Vec4>,
+    /// σ_s and σ_t of every voxel.
+    coefficients: Texture<Vec4>,
+    samples: u32,
+    step_voxels: f32,
+    lights_per_sample: u32,
+}
+
+impl Camera<'_> {
+    fn sample(&self, pixel: [u32; 2], sample_index: u32) -> Vec4 {
+        let s = &self.scene.params;
+        let key = stream_key(pixel[1] * s.size[0] + pixel[0], STREAM, s.seed_low, s.seed_high);
+        let (i, n) = (sample_index as f32, self.samples as f32);
+        let (mut place, mut start) = (Vec2::splat(0.5), 1.0);
+        if self.samples > 1 {
+            let x = fract((i + 0.5) / n + random_float(key, 0));
+            place = Vec2::new(x, fract(i * 0.618_034 + random_float(key, 1)));
+            start = 1.0 - fract(i * 0.414_213_57 + random_float(key, 2));
+        }
+        let size = Vec2::new(s.size[0] as f32, s.size[1] as f32);
+        let film = (Vec2::new(pixel[0] as f32, pixel[1] as f32) + place) / size * 2.0 - 1.0;
+        let direction = Vec3::from(s.forward) + film.x * Vec3::from(s.right) - film.y * Vec3::from(s.up);
+        let direction = direction.normalize();
+
+        let ray = make_ray(s, index_from_world(s, s.eye.into()), direction, self.step_voxels);
+        let first = start * ray.dt;
+        let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
+        for Step { p, stride, .. } in ray.steps(first, f32::INFINITY) {
+            if through <= LEAST_TRANSMITTANCE {
+                break;
+            }
+            let f = self.total.sample(p);
+            let scale = s.max_extinction * stride;
+            let tau = f.w * scale;
+            radiance += f.truncate() * (through * scale * mean_transmittance(tau));
+            through *= (-tau).exp();
+        }
+        radiance /= s.radiance_scale;
+        if self.lights_per_sample > 0 && through < 1.0 {
+            // The depth at which the eye has seen the share `u` of what it sees of the medium.
+            let u = fract((i + random_float(key, 3)) / n);
+            let p = ray.origin + ray.direction * self.depth_of(ray, first, -(1.0 - u * (1.0 - through)).ln());
+            radiance += self.lit_radiance(p, -direction, sample_index, key) * (1.0 - through);
+        }
+        match self.background {
+            Background::Transparent => radiance.extend(1.0 - through),
+            Background::Color(color) => (radiance + through * color).extend(1.0),
+            Background::Environment => {
+                (radiance + through * self.scene.environment.environment_radiance(direction)).extend(1.0)
+            }
+        }
+    }
+
+    /// Distance along the ray to the optical depth `tau`.
+    fn depth_of(&self, ray: Ray, first: f32, tau: f32) -> f32 {
+        let (mut passed, mut at) = (0.0, ray.begin);
+        for Step { t, stride, p } in ray.steps(first, f32::INFINITY) {
+            if passed >= tau {
+                break;
+            }
+            let sigma = self.total.sample(p).w * self.scene.params.max_extinction;
+            at = if passed + sigma * stride >= tau { t + (tau - passed) / sigma } else { t + stride };
+            passed += sigma * stride;
+        }
+        at
+    }
+
+    /// Radiance that delta lights send towards the eye by one scattering at `p`.
+    fn lit_radiance(&self, p: Vec3, to_eye: Vec3, sample_index: u32, key: u32) -> Vec3 {
+        let s = &self.scene.params;
+        let (lights, visited) = (&self.scene.lights, self.lights_per_sample);
+        let count = lights.len() as u32;
+        let first = (random_float(key, 4 + sample_index) * count as f32) as u32;
+        let mut sum = Vec3::ZERO;
+        for i in 0..visited {
+            let light = &lights[((first + i * count / visited) % count) as usize];
+            let light = light_at(s, light, world_from_index(s, p));
+            let t = transmittance(s, self.total, make_ray(s, p, -light.travel, self.step_voxels), light.reach);
+            sum += light.irradiance * (t * phase_hg(s.g, light.travel.dot(to_eye)));
+        }
+        self.albedo_at(p) * sum * (count as f32 / visited as f32)
+    }
+
+    /// Albedo at `p` (index space): σ_s and σ_t interpolated, then divided.
+    fn albedo_at(&self, p: Vec3) -> Vec3 {
+        let c = self.coefficients.sample(p);
+        if c.w > 0.0 { c.truncate() / c.w } else { Vec3::ZERO }
+    }
+}

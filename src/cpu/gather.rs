@@ -1,0 +1,148 @@
+//! Twins of `gather_proxy.comp`, `gather_select.comp` and `gather_trace.comp`.
+
+use super::classify::{albedo_of, classify};
+use super::contribute::{Arrived, Orders, add_to, arrive};
+use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance};
+use super::rng::{random_float, stream_key};
+use super::scene::{HostScene, direction_to_eye, voxel_from_linear};
+use super::sphere::lattice_direction;
+use super::texture::Texture;
+use crate::abi::SceneParams;
+use glam::{Vec2, Vec3, Vec4};
+
+/// A traced candidate and its weight in the estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// Which of the candidates.
+    pub candidate: u32,
+    /// Factor of its radiance.
+    pub weight: f32,
+}
+
+/// Shift of a voxel's lattice of directions.
+fn lattice_shift(scene: &SceneParams, index: u32, order: u32) -> [f32; 2] {
+    let key = stream_key(index, order, scene.seed_low, scene.seed_high);
+    [random_float(key, 0), random_float(key, 1)]
+}
+
+/// Energy of every candidate of every listed voxel, estimated with nearest reads of `light`: source function and
+/// extinction as the proxy has them. `weights[voxel in the list][candidate]`.
+pub fn gather_proxy(
+    scene: &SceneParams,
+    active_voxels: &[u32],
+    light: &Texture<Vec2>,
+    order: u32,
+    candidates: u32,
+    step_voxels: f32,
+) -> Vec<Vec<f32>> {
+    let energy = |position: Vec3, towards: Vec3| {
+        let ray = make_ray(scene, position, towards, step_voxels);
+        let (mut through, mut energy) = (1.0f32, 0.0);
+        for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
+            if through <= 0.01 {
+                break;
+            }
+            let l = light.fetch_clamped(p.floor().as_ivec3());
+            let passed = (-l.y * scene.max_extinction * stride).exp();
+            energy += through * (1.0 - passed) * l.x;
+            through *= passed;
+        }
+        energy
+    };
+    let of_voxel = |&index: &u32| {
+        let position = voxel_from_linear(scene, index).as_vec3() + 0.5;
+        let shift = lattice_shift(scene, index, order);
+        (0..candidates).map(|c| energy(position, lattice_direction(c, candidates, shift))).collect()
+    };
+    active_voxels.iter().map(of_voxel).collect()
+}
+
+/// `top`: the N candidates with the largest weights, each with the factor 1/N.
+pub fn select_top(weights: &[f32], directions: u32) -> Vec<Choice> {
+    let mut ranked: Vec<u32> = (0..weights.len() as u32).collect();
+    // Stable: of equal weights the first comes first.
+    ranked.sort_by(|&a, &b| weights[b as usize].total_cmp(&weights[a as usize]));
+    ranked.truncate(directions as usize);
+    ranked.iter().map(|&candidate| Choice { candidate, weight: 1.0 / directions as f32 }).collect()
+}
+
+/// `resample`: a systematic draw of N from p_i = (1−β) w_i/Σw + β/M, shifted by `u` in [0, 1); the factor is
+/// hits/(M N p).
+pub fn select_resample(weights: &[f32], directions: u32, defence: f32, u: f32) -> Vec<Choice> {
+    let (m, n) = (weights.len() as f64, f64::from(directions));
+    let beta = f64::from(defence);
+    let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
+    let mut above = f64::from(u);
+    let mut chosen = Vec::new();
+    for (c, &w) in weights.iter().enumerate() {
+        let p = if sum > 0.0 { (1.0 - beta) * f64::from(w) / sum + beta / m } else { 1.0 / m };
+        let below = above;
+        above = if c + 1 == weights.len() { n + f64::from(u) } else { above + n * p };
+        let hits = above.floor() - below.floor();
+        if hits > 0.0 {
+            chosen.push(Choice { candidate: c as u32, weight: (hits / (m * n * p)) as f32 });
+        }
+    }
+    chosen
+}
+
+/// The random number of [`select_resample`] for a voxel.
+pub fn select_shift(scene: &SceneParams, index: u32, order: u32) -> f32 {
+    random_float(stream_key(index, order, scene.seed_low, scene.seed_high), 2)
+}
+
+/// Radiance that arrives along the ray, against its direction `towards` (unit vector, world). `source`: A and
+/// extinction, then B by component.
+pub fn traced_radiance(scene: &SceneParams, source: &[Texture<Vec4>; 4], ray: Ray, towards: Vec3) -> Vec3 {
+    let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
+    for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
+        if through <= LEAST_TRANSMITTANCE {
+            break;
+        }
+        let f = source[0].sample(p);
+        let mut light = f.truncate();
+        if scene.g != 0.0 {
+            for axis in 0..3 {
+                light -= source[axis + 1].sample(p).truncate() * towards[axis];
+            }
+            light = light.max(Vec3::ZERO);
+        }
+        let scale = scene.max_extinction * stride;
+        let tau = f.w * scale;
+        radiance += light * (through * scale * mean_transmittance(tau));
+        through *= (-tau).exp();
+    }
+    radiance
+}
+
+/// Scatters the light of `source` once more at the listed voxels. `chosen` by voxel of the list, out of a lattice of
+/// `lattice` directions. `first`: `orders.next_*` holds nothing of this order yet.
+#[allow(clippy::too_many_arguments, reason = "the kernel's arguments")]
+pub fn gather_trace(
+    scene: &HostScene,
+    active_voxels: &[u32],
+    source: &[Texture<Vec4>; 4],
+    chosen: &[Vec<Choice>],
+    order: u32,
+    lattice: u32,
+    first: bool,
+    step_voxels: f32,
+    orders: &mut Orders,
+) {
+    let s = &scene.params;
+    for (&index, choices) in active_voxels.iter().zip(chosen) {
+        let voxel = voxel_from_linear(s, index);
+        let position = voxel.as_vec3() + 0.5;
+        let to_eye = direction_to_eye(s, position);
+        let shift = lattice_shift(s, index, order);
+        let mut sum = Arrived::default();
+        for choice in choices {
+            let towards = lattice_direction(choice.candidate, lattice, shift);
+            let radiance = traced_radiance(s, source, make_ray(s, position, towards, step_voxels), towards);
+            arrive(s, &mut sum, radiance * choice.weight, -towards, to_eye);
+        }
+        let m = classify(s, &scene.points, scene.scalar.fetch(voxel));
+        let extinction = m.extinction / s.max_extinction;
+        add_to(s, voxel, Vec3::from(albedo_of(s, &m)) * extinction, &sum, extinction, first, orders);
+    }
+}

@@ -1,0 +1,36 @@
+//! Twin of `include/rng.glsl`: the same bits.
+
+/// PCG output function as a hash.
+pub fn pcg_hash(v: u32) -> u32 {
+    let state = v.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (word >> 22) ^ word
+}
+
+/// Key of an independent stream for item `item`; `stream` tells uses apart.
+pub fn stream_key(item: u32, stream: u32, seed_low: u32, seed_high: u32) -> u32 {
+    pcg_hash(item ^ pcg_hash(stream ^ pcg_hash(seed_low ^ pcg_hash(seed_high))))
+}
+
+/// The n-th number of a stream, in [0, 1).
+pub fn random_float(key: u32, n: u32) -> f32 {
+    (pcg_hash(key.wrapping_add(n.wrapping_mul(2_654_435_769))) >> 8) as f32 / 16_777_216.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_fill_the_unit_interval_evenly() {
+        let n = 100_000;
+        let mut bins = [0u32; 10];
+        for item in 0..n {
+            let x = random_float(stream_key(item, 2, 3, 4), 1);
+            assert!((0.0..1.0).contains(&x));
+            bins[(x * 10.0) as usize] += 1;
+        }
+        // A bin's standard deviation is 95.
+        assert!(bins.iter().all(|&b| b.abs_diff(10_000) < 500), "{bins:?}");
+    }
+}

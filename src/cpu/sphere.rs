@@ -1,0 +1,60 @@
+//! Twin of `include/sphere.glsl`.
+
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// `x` modulo 1.
+pub(super) fn fract(x: f32) -> f32 {
+    x - x.floor()
+}
+
+/// The i-th of n directions, spread evenly over the sphere, shifted by two numbers in [0, 1).
+pub fn lattice_direction(i: u32, n: u32, shift: [f32; 2]) -> Vec3 {
+    let u = fract((i as f32 + 0.5) / n as f32 + shift[0]);
+    let v = fract(i as f32 * 0.618_034 + shift[1]);
+    let z = 1.0 - 2.0 * u;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let phi = 2.0 * PI * v;
+    Vec3::new(r * phi.cos(), r * phi.sin(), z)
+}
+
+/// Henyey-Greenstein [1/sr]; `cosine` between the propagation directions before and after.
+pub fn phase_hg(g: f32, cosine: f32) -> f32 {
+    // In double precision, where the usual formula needs no care.
+    let (g, c) = (f64::from(g), f64::from(cosine));
+    ((1.0 - g * g) / (4.0 * std::f64::consts::PI * (1.0 + g * g - 2.0 * g * c).powf(1.5))) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values and uncertainties: closed forms of the phase function, DESIGN section 1.
+    #[test]
+    fn phase_function_is_normalised_with_mean_cosine_g() {
+        for g in [-0.9f32, -0.5, 0.0, 1e-6, 0.5, 0.9] {
+            // Midpoint rule in the cosine.
+            let n = 200_000;
+            let (mut sum, mut mean) = (0.0f64, 0.0f64);
+            for i in 0..n {
+                let c = (i as f64 + 0.5) / n as f64 * 2.0 - 1.0;
+                let p = f64::from(phase_hg(g, c as f32)) * 2.0 * std::f64::consts::PI * 2.0 / n as f64;
+                sum += p;
+                mean += p * c;
+            }
+            assert!((sum - 1.0).abs() < 1e-5 && (mean - f64::from(g)).abs() < 1e-5, "g = {g}: {sum} {mean}");
+        }
+    }
+
+    #[test]
+    fn lattice_integrates_low_polynomials() {
+        // Even in z and around it: ∫ z² = 1/3, ∫ x = 0.
+        let n = 64;
+        let directions: Vec<Vec3> = (0..n).map(|i| lattice_direction(i, n, [0.3, 0.8])).collect();
+        let mean = |f: &dyn Fn(&Vec3) -> f32| directions.iter().map(f).sum::<f32>() / n as f32;
+        assert!(directions.iter().all(|d| (d.length() - 1.0).abs() < 1e-6));
+        assert!((mean(&|d| d.z * d.z) - 1.0 / 3.0).abs() < 0.01);
+        assert!((mean(&|d| d.x * d.x) - 1.0 / 3.0).abs() < 0.02);
+        assert!(mean(&|d| d.x).abs() < 0.02 && mean(&|d| d.z).abs() < 0.02);
+    }
+}

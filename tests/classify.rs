@@ -1,0 +1,133 @@
+//! Classification and the distances that rays skip by, against their CPU twins.
+
+#[path = "common/bodies.rs"]
+mod bodies;
+mod common;
+#[path = "common/data.rs"]
+mod data;
+
+use bodies::{Setup, assert_close, scene_of, scenes, texture};
+use common::gpu_test;
+use data::assert_same;
+use glam::Vec4;
+use tyndall::cpu::texture::Texture;
+use tyndall::cpu::{classify, emptiness};
+use tyndall::passes::classify::Classify;
+use tyndall::scene::{OpacityUnit, Scene};
+use tyndall::vk::{Context, ImageFormat, Recorder};
+use tyndall::volume::Grid;
+
+/// Half floats have 11 bits and devices may cut the rest off when they store: 2⁻¹⁰ = 9.8e-4. Below their smallest
+/// normal (6e-5 in units where extinction is at most 1 and light a few thousand) the error is absolute.
+const ROUNDING: f32 = 1e-3;
+const SMALLEST: f32 = 1e-7;
+
+fn check_field(ctx: &Context, name: &str, scene: &Scene) {
+    let setup = Setup::new(ctx, scene);
+    let host = &setup.host;
+    for emit_color in [false, true] {
+        let pass = Classify::new(ctx, emit_color).unwrap();
+        let field = ctx.image_3d("field", host.params.dims, ImageFormat::Rgba16Float).unwrap();
+        let mut rec = Recorder::new(ctx).unwrap();
+        pass.record(&mut rec, &setup.data, &field);
+        rec.submit_and_wait().unwrap();
+        let expected = classify::field(&host.params, &host.points, &host.scalar, emit_color);
+        let (got, case) = (texture(ctx, &field), format!("{name}, emit_color {emit_color}"));
+        assert_close(&case, &got.texels, &expected.texels, ROUNDING, SMALLEST);
+    }
+}
+
+#[test]
+fn fields_agree_with_the_twin() {
+    gpu_test(|ctx| {
+        for (name, scene) in scenes() {
+            check_field(ctx, name, &scene);
+        }
+    });
+}
+
+#[test]
+fn opacities_and_extinctions_of_every_size() {
+    gpu_test(|ctx| {
+        let grid = Grid::axis_aligned([64, 1, 1], [1.0, 1.0, 1.0], [0.0; 3]);
+        // Scalars at, between and beyond the points.
+        let mut scene = scene_of(grid, (0..64).map(|i| -0.1 + 1.2 * i as f32 / 63.0).collect());
+        for (i, opacity) in [0.0, 1e-4, 0.5, 1.0].into_iter().enumerate() {
+            scene.transfer.points[i].opacity = opacity;
+        }
+        for unit in [OpacityUnit::PerDistance(None), OpacityUnit::PerDistance(Some(7.0)), OpacityUnit::Extinction] {
+            scene.transfer.opacity_unit = unit;
+            check_field(ctx, &format!("{unit:?}"), &scene);
+        }
+    });
+}
+
+/// A step holds its later point, NaN is empty, infinities are the ends of the scale.
+#[test]
+fn steps_and_scalars_that_are_no_numbers() {
+    gpu_test(|ctx| {
+        let grid = Grid::axis_aligned([6, 1, 1], [1.0; 3], [0.0; 3]);
+        let below = f32::from_bits(0.3f32.to_bits() - 1);
+        let values = vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.3, below, 1e-42];
+        let setup = Setup::new(ctx, &scene_of(grid, values));
+        let alpha: Vec<f32> = texture(ctx, &setup.field).texels.iter().map(|t| t.w).collect();
+        let step = alpha[3];
+        assert!(step > 0.2 && step < 0.25, "2 of 9: {alpha:?}");
+        assert_eq!(alpha, [0.0, 1.0, 0.0, step, 0.0, 0.0]);
+        assert_eq!(setup.active, [1, 3]);
+    });
+}
+
+#[test]
+fn distances_agree_with_the_twin() {
+    gpu_test(|ctx| {
+        for (name, scene) in scenes() {
+            let setup = Setup::new(ctx, &scene);
+            let field = texture(ctx, &setup.field);
+            let expected = emptiness::distance(&emptiness::occupancy(&setup.host.params, &field));
+            let got: Vec<u32> = ctx.read_back_image(&setup.emptiness.image).unwrap();
+            assert_same(name, &got, &expected.texels);
+        }
+    });
+}
+
+/// By hand: a line of cells with one occupied voxel. Interpolation carries it into the neighbour cell only from the
+/// cell's edge. Distances stop at the limit.
+#[test]
+fn distances_by_hand() {
+    gpu_test(|ctx| {
+        let distances = |voxels: u32, occupied: usize| {
+            let mut values = vec![0.0; voxels as usize];
+            values[occupied] = 0.9;
+            let grid = Grid::axis_aligned([voxels, 1, 1], [1.0; 3], [0.0; 3]);
+            let setup = Setup::new(ctx, &scene_of(grid, values));
+            ctx.read_back_image::<u32>(&setup.emptiness.image).unwrap()
+        };
+        assert_eq!(distances(45, 20), [2, 1, 0, 1, 2, 3]);
+        assert_eq!(distances(45, 16), [1, 0, 0, 1, 2, 3]);
+        assert_eq!(distances(45, 23), [2, 1, 0, 0, 1, 2]);
+        let long = distances(320, 0);
+        assert_eq!(long[30..35], [30, 31, 32, 32, 32]);
+        assert_eq!(long[39], 32);
+    });
+}
+
+/// The distance is right for rays: every sample between a cell and the reach of its distance is empty.
+#[test]
+fn nothing_is_skipped_that_holds_extinction() {
+    gpu_test(|ctx| {
+        for (name, scene) in scenes() {
+            let setup = Setup::new(ctx, &scene);
+            let field = texture(ctx, &setup.field);
+            let cells: Vec<u32> = ctx.read_back_image(&setup.emptiness.image).unwrap();
+            let distances = Texture::new(setup.emptiness.image.extent(), cells);
+            for i in 0..field.texels.len() as u32 {
+                let voxel = tyndall::cpu::scene::voxel_from_linear(&setup.host.params, i);
+                if distances.fetch(voxel / 8) > 0 {
+                    let corners = [0.02f32, 0.5, 0.98].map(|f| field.sample(voxel.as_vec3() + f));
+                    assert!(corners.iter().all(|c: &Vec4| c.w == 0.0), "{name}: extinction near {voxel}");
+                }
+            }
+        }
+    });
+}

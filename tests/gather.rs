@@ -1,0 +1,304 @@
+//! The gather against its CPU twins: energies of candidates in the proxy, choice of directions, traced light.
+
+#[path = "common/bodies.rs"]
+mod bodies;
+mod common;
+#[path = "common/data.rs"]
+mod data;
+
+use bodies::{CHUNK, Setup, assert_close, image, random_light, random_values, scene_of, scenes, texture};
+use common::gpu_test;
+use glam::{Vec2, Vec4};
+use half::f16;
+use tyndall::cpu;
+use tyndall::cpu::contribute::Orders as HostOrders;
+use tyndall::cpu::gather::Choice;
+use tyndall::cpu::texture::Texture;
+use tyndall::passes::gather::{Gather, GatherConfig, Orders, Source};
+use tyndall::passes::proxy::{Proxy, ProxyConfig};
+use tyndall::scene::{Sampling, Scene};
+use tyndall::vk::{Buffer, Context, Recorder};
+use tyndall::volume::Grid;
+
+/// Half floats cut to 11 bits, twice: old + new, and the result.
+const ROUNDING: f32 = 2e-3;
+/// In units of the largest value: sums that cancel, and rays that are cut one step earlier or later at 1e-3.
+const CANCELLED: f32 = 1e-3;
+
+const ORDER: u32 = 3;
+
+const CONFIG: GatherConfig = GatherConfig {
+    sampling: Sampling::Resample,
+    candidates: 12,
+    directions: 5,
+    defence: 0.2,
+    step: 0.8,
+    proxy_step: 1.7,
+};
+
+/// A gather on the device, with all it read and wrote.
+struct Gathered {
+    setup: Setup,
+    /// A, then B by component.
+    source: [Texture<Vec4>; 4],
+    before: HostOrders,
+    after: HostOrders,
+    /// By voxel of the list.
+    weights: Vec<Vec<f32>>,
+    chosen: Vec<Vec<Choice>>,
+    /// What the proxy says of every voxel.
+    light: Texture<Vec2>,
+}
+
+/// `[row][item]` in chunks to `[item][row]`.
+fn transposed<T: Copy>(rows: &[T], items: usize) -> Vec<Vec<T>> {
+    (0..items).map(|item| rows.iter().copied().skip(item).step_by(CHUNK as usize).collect()).collect()
+}
+
+fn proxy_light(ctx: &Context, proxy: &Proxy, dims: [u32; 3]) -> Texture<Vec2> {
+    let contents = proxy.read_back(ctx).unwrap();
+    let buckets: Vec<[f16; 2]> = ctx.read_back(proxy.bucket_light()).unwrap().into_iter().map(bytemuck::cast).collect();
+    let of = |&id: &u32| Vec2::from(buckets[id as usize].map(f32::from));
+    Texture::new(dims, contents.bucket_id.iter().map(of).collect())
+}
+
+fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, is_first: bool) -> Gathered {
+    let setup = Setup::new(ctx, scene);
+    let dims = setup.host.params.dims;
+    let field = texture(ctx, &setup.field);
+    // Light only where there is extinction. |B| stays below A, as it does for radiance.
+    let lit = |seed: u64, low: f32, high: f32| {
+        let light = random_light(dims, seed, low, high).texels;
+        let texels = light.iter().zip(&field.texels).map(|(l, f)| (l.truncate() * f.w).extend(f.w)).collect();
+        image(ctx, "source", &Texture::new(dims, texels))
+    };
+    let source = Source { a: lit(31, 0.0, 900.0), b: [32, 33, 34].map(|seed| lit(seed, -300.0, 300.0)) };
+    let old = random_light(dims, 35, 0.0, 50.0);
+    let next = Source { a: image(ctx, "next.a", &old), b: [(); 3].map(|()| image(ctx, "next.b", &old)) };
+    let total = image(ctx, "total", &old);
+
+    let proxy_config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
+    let proxy = config.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
+    let pass = Gather::new(ctx, &setup.data, config, CHUNK, true).unwrap();
+    let mut rec = Recorder::new(ctx).unwrap();
+    let one = setup.list.chunk_args(ctx, &mut rec, 1).unwrap();
+    let args = pass.args(ctx, &mut rec, &setup.list).unwrap();
+    if let Some(proxy) = &proxy {
+        proxy.record_clear(&mut rec);
+        proxy.record(&mut rec, &setup.data, &setup.list, &one, &source.a, ORDER);
+    }
+    let orders = Orders { next: &next, total: &total };
+    let cells = &setup.emptiness.image;
+    for chunk in setup.list.chunks() {
+        let proxy = proxy.as_ref();
+        pass.record(&mut rec, &setup.data, cells, &chunk, &args, proxy, &source, &orders, ORDER, is_first);
+    }
+    rec.submit_and_wait().unwrap();
+
+    let items = setup.active.len();
+    let choice = |c: &[u32; 2]| Choice { candidate: c[0], weight: f32::from_bits(c[1]) };
+    let read = |buffer: &Buffer<[u32; 2]>| transposed(&ctx.read_back(buffer).unwrap(), items);
+    let (weights, chosen, light) = match &proxy {
+        None => {
+            let all =
+                (0..config.directions).map(|candidate| Choice { candidate, weight: 1.0 / config.directions as f32 });
+            (vec![], vec![all.collect(); items], Texture::filled(dims, Vec2::ZERO))
+        }
+        Some(proxy) => (
+            transposed(&ctx.read_back(pass.weights()).unwrap(), items),
+            read(pass.chosen())
+                .iter()
+                .map(|slots| slots.iter().map(choice).filter(|c| c.weight > 0.0).collect())
+                .collect(),
+            proxy_light(ctx, proxy, dims),
+        ),
+    };
+    Gathered {
+        source: [&source.a, &source.b[0], &source.b[1], &source.b[2]].map(|i| texture(ctx, i)),
+        before: HostOrders { next_a: old.clone(), next_b: [(); 3].map(|()| old.clone()), total: old },
+        after: HostOrders {
+            next_a: texture(ctx, &next.a),
+            next_b: [0, 1, 2].map(|axis| texture(ctx, &next.b[axis])),
+            total: texture(ctx, &total),
+        },
+        weights,
+        chosen,
+        light,
+        setup,
+    }
+}
+
+/// Traces the same choices in the twin.
+fn check_trace(name: &str, g: Gathered, config: GatherConfig, is_first: bool) {
+    let mut expected = g.before;
+    let lattice = if config.uses_proxy() { config.candidates } else { config.directions };
+    let host = &g.setup.host;
+    let (active, step) = (&g.setup.active, config.step);
+    cpu::gather::gather_trace(host, active, &g.source, &g.chosen, ORDER, lattice, is_first, step, &mut expected);
+    let case = format!("{name}, {:?}, g {}, first {is_first}", config.sampling, host.params.g);
+    let same = |what: &str, got: &Texture<Vec4>, expected: &Texture<Vec4>| {
+        assert_close(&format!("{case}: {what}"), &got.texels, &expected.texels, ROUNDING, CANCELLED);
+    };
+    same("A", &g.after.next_a, &expected.next_a);
+    same("total", &g.after.total, &expected.total);
+    for axis in 0..3 {
+        if host.params.g != 0.0 {
+            same(["Bx", "By", "Bz"][axis], &g.after.next_b[axis], &expected.next_b[axis]);
+        }
+    }
+}
+
+/// The energies of all candidates. Nearest reads: a sample on a voxel's face may fall into either, and a ray may be cut
+/// at 1e-2 one step earlier or later.
+fn check_proxy(name: &str, g: &Gathered, config: GatherConfig) {
+    let (params, active) = (&g.setup.host.params, &g.setup.active);
+    let expected =
+        cpu::gather::gather_proxy(params, active, &g.light, ORDER, config.candidates, config.proxy_step).concat();
+    let got = g.weights.concat();
+    assert_eq!(got.len(), expected.len(), "{name}");
+    let most = expected.iter().copied().fold(0.0, f32::max);
+    let is_right = |i: usize| (got[i] - expected[i]).abs() <= 1e-3 * expected[i] + 1e-5 * most;
+    let wrong: Vec<usize> = (0..got.len()).filter(|&i| !is_right(i)).collect();
+    assert!(
+        wrong.len() * 100 <= got.len(),
+        "{name}: {} of {} energies differ; the first: {} instead of {}, most {most}",
+        wrong.len(),
+        got.len(),
+        got[wrong[0]],
+        expected[wrong[0]],
+    );
+    assert!(active.len() < 3 || most > 0.0, "{name}: no light in the proxy");
+}
+
+/// The choice, from the device's own energies.
+fn check_select(name: &str, g: &Gathered, config: GatherConfig) {
+    let params = &g.setup.host.params;
+    let mut differ = 0;
+    for ((&index, weights), got) in g.setup.active.iter().zip(&g.weights).zip(&g.chosen) {
+        let expected = if config.sampling == Sampling::Top {
+            cpu::gather::select_top(weights, config.directions)
+        } else {
+            let u = cpu::gather::select_shift(params, index, ORDER);
+            cpu::gather::select_resample(weights, config.directions, config.defence, u)
+        };
+        let agree =
+            |(a, b): (&Choice, &Choice)| a.candidate == b.candidate && (a.weight - b.weight).abs() <= 1e-5 * b.weight;
+        differ += usize::from(got.len() != expected.len() || !got.iter().zip(&expected).all(agree));
+    }
+    // Single precision may count a hit for the next candidate, where a share ends at a whole number.
+    let allowed = if config.sampling == Sampling::Top { 0 } else { g.chosen.len() / 1000 };
+    assert!(differ <= allowed, "{name}: {differ} of {} voxels chose otherwise", g.chosen.len());
+}
+
+fn check(ctx: &Context, name: &str, scene: &Scene, config: GatherConfig, is_first: bool) {
+    let gathered = gather(ctx, scene, config, is_first);
+    if config.uses_proxy() {
+        check_proxy(name, &gathered, config);
+        check_select(name, &gathered, config);
+    }
+    check_trace(name, gathered, config, is_first);
+}
+
+#[test]
+fn phase_sampling_agrees_with_the_twin() {
+    gpu_test(|ctx| {
+        let config = GatherConfig { sampling: Sampling::Phase, ..CONFIG };
+        for (name, mut scene) in scenes() {
+            for (g, is_first) in [(0.0, true), (0.0, false), (0.6, true), (-0.5, false)] {
+                scene.g = g;
+                check(ctx, name, &scene, config, is_first);
+            }
+        }
+    });
+}
+
+#[test]
+fn resampling_agrees_with_the_twin() {
+    gpu_test(|ctx| {
+        for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
+            scene.g = [0.0, 0.6][i % 2];
+            check(ctx, name, &scene, CONFIG, true);
+        }
+    });
+}
+
+#[test]
+fn the_brightest_are_chosen_as_in_the_twin() {
+    gpu_test(|ctx| {
+        let config = GatherConfig { sampling: Sampling::Top, ..CONFIG };
+        for (name, scene) in scenes().into_iter().step_by(2) {
+            check(ctx, name, &scene, config, true);
+        }
+    });
+}
+
+/// One direction, M = N, one candidate, all chance (β = 1) and nearly none.
+#[test]
+fn ends_of_the_knobs() {
+    gpu_test(|ctx| {
+        let grid = Grid::axis_aligned([6, 5, 7], [1.0; 3], [0.0; 3]);
+        let scene = scene_of(grid, random_values(6, 210));
+        for (candidates, directions, defence) in [(9, 1, 0.2), (7, 7, 0.2), (1, 1, 0.5), (30, 8, 1.0), (30, 8, 1e-3)] {
+            for sampling in [Sampling::Top, Sampling::Resample] {
+                let config = GatherConfig { sampling, candidates, directions, defence, ..CONFIG };
+                check(ctx, &format!("N {directions} of M {candidates}, β {defence}"), &scene, config, true);
+            }
+        }
+    });
+}
+
+/// More rays than one invocation may follow: candidates in blocks, traced directions in several dispatches.
+#[test]
+fn many_directions_are_split() {
+    gpu_test(|ctx| {
+        let grid = Grid::axis_aligned([5, 3, 4], [1.0; 3], [0.0; 3]);
+        let scene = scene_of(grid, random_values(7, 60));
+        // 716 iterations per ray: 40 rays per invocation.
+        let config = GatherConfig { candidates: 100, directions: 90, step: 0.01, proxy_step: 0.01, ..CONFIG };
+        assert!(tyndall::passes::rays_per_invocation([5, 3, 4], 0.01) < 45);
+        let gathered = gather(ctx, &scene, config, true);
+        check_proxy("blocks", &gathered, config);
+        check_select("blocks", &gathered, config);
+        // Half floats are cut off once more per dispatch.
+        check_trace("dispatches", gathered, config, true);
+    });
+}
+
+/// The rule behind `resample`: over all shifts its estimate is the mean over the candidates, whatever the energies say,
+/// and it makes exactly N hits. For `top` the same mean is far off, which is why it is called biased.
+#[test]
+fn resampling_has_no_bias_and_top_has() {
+    let m = 12;
+    for (case, seed) in [1u64, 2, 3, 4].into_iter().enumerate() {
+        let mut weights = random_values(seed, m);
+        // Energies that are wrong, zero, or all the same.
+        match case {
+            1 => weights[3..9].fill(0.0),
+            2 => weights.fill(0.0),
+            3 => weights[5] = 1000.0,
+            _ => {}
+        }
+        let radiance = random_values(seed + 100, m);
+        let truth = radiance.iter().sum::<f32>() / m as f32;
+        for n in [1u32, 5, 12] {
+            let shifts = 20_000;
+            let (mut mean, mut hits) = (0.0f64, 0.0f64);
+            for k in 0..shifts {
+                let u = (k as f32 + 0.5) / shifts as f32;
+                for choice in cpu::gather::select_resample(&weights, n, 0.2, u) {
+                    mean += f64::from(choice.weight * radiance[choice.candidate as usize]) / f64::from(shifts);
+                    hits += f64::from(choice.weight) / f64::from(shifts);
+                }
+            }
+            // Every boundary of a share is met to one shift in 20,000.
+            assert!((mean - f64::from(truth)).abs() < 2e-3, "case {case}, N {n}: {mean} instead of {truth}");
+            assert!((hits - 1.0).abs() < 2e-3, "case {case}, N {n}: weights add up to {hits}");
+        }
+    }
+    // An honest proxy: energies are the radiances.
+    let radiance = random_values(9, m);
+    let truth = radiance.iter().sum::<f32>() / m as f32;
+    let top: f32 =
+        cpu::gather::select_top(&radiance, 4).iter().map(|c| c.weight * radiance[c.candidate as usize]).sum();
+    assert!(top > 1.2 * truth, "{top} and {truth}");
+}
