@@ -11,9 +11,10 @@ use crate::abi::{ChunkArgsPush, CompactPush};
 use crate::shaders::{self, constants};
 use crate::vk::{Access, Buffer, Context, Filter, Image, Pipeline, Recorder};
 
-/// Invocations of a workgroup of `compact.comp`, and voxels of each.
+/// Invocations of a workgroup of `compact.comp`, and voxels of each: twice as many would take lavapipe twice as long to
+/// compile.
 const WORKGROUP: u32 = 256;
-const ROWS: u32 = 16;
+const ROWS: u32 = 8;
 
 /// The list of active voxels.
 pub struct ActiveList {
