@@ -517,7 +517,7 @@ fn presets_and_scenes_parse_and_resolve() {
         assert!(most > 0.0, "{}", preset.name);
         assert_eq!(scene.transfer.evaluate(-1e9, 1.0).extinction, 0.0, "{}: air is not empty", preset.name);
         let colors = scene.transfer.points.iter().flat_map(|p| p.color);
-        assert!(colors.clone().all(|c| (0.2..=0.99).contains(&c)), "{}", preset.name);
+        assert!(colors.clone().all(|c| (0.1..=0.99).contains(&c)), "{}", preset.name);
     }
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let mut scenes = 0;
