@@ -26,8 +26,15 @@ layout(push_constant, scalar) uniform PhongPush {
 const float SPECULAR = 0.25;
 const float SHININESS = 40.0;
 
-float scalar_at(ivec3 voxel) {
-    return texelFetch(scalar, clamp(voxel, ivec3(0), ivec3(scene.dims) - 1), 0).r;
+// Where there is no scalar, `here` stands in: it makes no gradient.
+float scalar_at(ivec3 voxel, float here) {
+    float value = texelFetch(scalar, clamp(voxel, ivec3(0), ivec3(scene.dims) - 1), 0).r;
+    return value == NO_VALUE ? here : value;
+}
+
+// Half of the difference across the voxel: of any two scalars it is finite.
+float slope_along(ivec3 voxel, ivec3 axis, float here) {
+    return 0.5 * scalar_at(voxel + axis, here) - 0.5 * scalar_at(voxel - axis, here);
 }
 
 void main() {
@@ -36,12 +43,15 @@ void main() {
         return;
     }
     ivec3 voxel = ivec3(voxel_from_linear(active_voxels[chunk_begin + item]));
-    Material m = classify(scalar_at(voxel));
+    float here = texelFetch(scalar, voxel, 0).r;
+    Material m = classify(here);
     vec3 world = world_from_index(vec3(voxel) + 0.5);
     vec3 slope = vec3(
-        scalar_at(voxel + ivec3(1, 0, 0)) - scalar_at(voxel - ivec3(1, 0, 0)),
-        scalar_at(voxel + ivec3(0, 1, 0)) - scalar_at(voxel - ivec3(0, 1, 0)),
-        scalar_at(voxel + ivec3(0, 0, 1)) - scalar_at(voxel - ivec3(0, 0, 1)));
+        slope_along(voxel, ivec3(1, 0, 0), here),
+        slope_along(voxel, ivec3(0, 1, 0), here),
+        slope_along(voxel, ivec3(0, 0, 1), here));
+    // Only the direction counts; squares of large scalars would overflow.
+    slope /= max(max(abs(slope.x), abs(slope.y)), max(abs(slope.z), 1e-37));
     // Gradients are covectors: they turn with the transposed inverse, whose rows are the columns of world-to-index.
     vec3 gradient = vec3(dot(scene.index_of_x, slope), dot(scene.index_of_y, slope), dot(scene.index_of_z, slope));
     vec3 to_eye = direction_to_eye(vec3(voxel) + 0.5);

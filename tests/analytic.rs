@@ -500,9 +500,9 @@ fn extremes_stay_finite() {
             let (low, high) = s.volume.grid.world_bounds();
             s.camera = look_at(0.5 * (low + high), high, DVec3::Z, 90.0);
         });
-        check("light inside a voxel", &|s| {
-            let (low, high) = s.volume.grid.world_bounds();
-            s.lights.push(Light::Point { position: low.lerp(high, 0.41), intensity: Vec3::splat(1e6) });
+        check("light at a voxel's centre", &|s| {
+            let position = s.volume.grid.index_to_world.transform_point3(DVec3::new(4.5, 3.5, 2.5));
+            s.lights.push(Light::Point { position, intensity: Vec3::splat(1e6) });
         });
         check("forward", &|s| s.g = 0.999);
         check("backward", &|s| s.g = -0.999);

@@ -99,3 +99,16 @@ fn light_and_eye_at_a_voxels_centre() {
         assert!(got.texels.iter().all(|t| t.is_finite()));
     });
 }
+
+/// Infinities make gradients as large values do; where there is no scalar there is no gradient.
+#[test]
+fn neighbours_that_are_no_numbers() {
+    gpu_test(|ctx| {
+        let grid = Grid::axis_aligned([5, 4, 6], [1.0; 3], [0.0; 3]);
+        let mut values = bodies::random_values(2, 120);
+        let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -3e38];
+        values.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0).for_each(|(i, v)| *v = odd[i / 3 % 5]);
+        let got = check(ctx, "odd neighbours", &scene_of(grid, values));
+        assert!(got.texels.iter().all(|t| t.is_finite()));
+    });
+}

@@ -4,8 +4,8 @@ use super::classify::classify;
 use super::delta_lights::light_at;
 use super::scene::{HostScene, direction_to_eye, voxel_from_linear, world_from_index};
 use super::texture::Texture;
-use crate::shaders::constants::MAX_HALF;
-use glam::{IVec3, Vec3, Vec4};
+use crate::shaders::constants::{MAX_HALF, NO_VALUE};
+use glam::{DVec3, IVec3, Vec3, Vec4};
 use std::f32::consts::PI;
 
 const SPECULAR: f32 = 0.25;
@@ -20,15 +20,16 @@ pub fn phong(scene: &HostScene, active_voxels: &[u32], ambient: Vec3, total: &mu
         let color = Vec3::from(m.color);
         let position = voxel.as_vec3() + 0.5;
         let world = world_from_index(s, position);
-        let at = |step: IVec3| scene.scalar.fetch_clamped(voxel.as_ivec3() + step);
-        let slope = Vec3::from([IVec3::X, IVec3::Y, IVec3::Z].map(|axis| at(axis) - at(-axis)));
-        let gradient = Vec3::new(
-            Vec3::from(s.index_of_x).dot(slope),
-            Vec3::from(s.index_of_y).dot(slope),
-            Vec3::from(s.index_of_z).dot(slope),
-        );
+        let here = scene.scalar.fetch(voxel);
+        let at = |step: IVec3| match scene.scalar.fetch_clamped(voxel.as_ivec3() + step) {
+            NO_VALUE => f64::from(here),
+            value => f64::from(value),
+        };
+        let slope = DVec3::from([IVec3::X, IVec3::Y, IVec3::Z].map(|axis| at(axis) - at(-axis)));
+        let covector = |column: [f32; 3]| Vec3::from(column).as_dvec3().dot(slope);
+        let gradient = DVec3::new(covector(s.index_of_x), covector(s.index_of_y), covector(s.index_of_z));
         let to_eye = direction_to_eye(s, position);
-        let normal = gradient.try_normalize().unwrap_or(to_eye);
+        let normal = gradient.try_normalize().map_or(to_eye, |n| n.as_vec3());
         let normal = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
         let mut lit = color * ambient;
         for light in &scene.lights {
