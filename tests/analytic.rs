@@ -10,7 +10,6 @@ mod common;
 mod data;
 
 use bodies::{random_values, scene_of};
-use common::gpu_test;
 use glam::{DAffine3, DMat3, DVec3, DVec4, Vec3, Vec4};
 use std::ops::ControlFlow;
 use tyndall::output::Picture;
@@ -19,8 +18,18 @@ use tyndall::scene::camera::look_at;
 use tyndall::scene::{
     Background, Camera, Environment, Light, Model, OpacityUnit, Sampling, Scene, TransferFunction, TransferPoint,
 };
-use tyndall::vk::Context;
+use tyndall::vk::{Context, Validation};
 use tyndall::volume::{Grid, VoxelData};
+
+/// Runs `body` on a device, but not under GPU-assisted validation: lavapipe takes up to a minute for each kernel that it
+/// has instrumented, and these dozens of renders use those that the passes' own tests run under it.
+fn gpu_test(body: impl FnOnce(&Context)) {
+    if common::validation() == Validation::GpuAssisted {
+        println!("SKIP whole renders under GPU-assisted validation");
+    } else {
+        common::gpu_test(body);
+    }
+}
 
 fn render(ctx: &Context, scene: &Scene) -> Picture {
     let mut renderer = Renderer::new(ctx, scene, Internals::default()).unwrap();

@@ -6,7 +6,7 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use bodies::{Setup, assert_close, scene_of, scenes, texture};
+use bodies::{Setup, assert_close, cases, scene_of, scenes, texture};
 use common::gpu_test;
 use data::assert_same;
 use glam::Vec4;
@@ -55,7 +55,8 @@ fn opacities_and_extinctions_of_every_size() {
         for (i, opacity) in [0.0, 1e-4, 0.5, 1.0].into_iter().enumerate() {
             scene.transfer.points[i].opacity = opacity;
         }
-        for unit in [OpacityUnit::PerDistance(None), OpacityUnit::PerDistance(Some(7.0)), OpacityUnit::Extinction] {
+        let units = vec![OpacityUnit::PerDistance(None), OpacityUnit::PerDistance(Some(7.0)), OpacityUnit::Extinction];
+        for unit in cases(units) {
             scene.transfer.opacity_unit = unit;
             check_field(ctx, &format!("{unit:?}"), &scene);
         }

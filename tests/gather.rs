@@ -6,7 +6,7 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use bodies::{CHUNK, Setup, assert_close, image, random_light, random_values, scene_of, scenes, texture};
+use bodies::{CHUNK, Setup, assert_close, cases, image, random_light, random_values, scene_of, scenes, texture};
 use common::gpu_test;
 use glam::{Vec2, Vec4};
 use half::f16;
@@ -204,7 +204,7 @@ fn phase_sampling_agrees_with_the_twin() {
     gpu_test(|ctx| {
         let config = GatherConfig { sampling: Sampling::Phase, ..CONFIG };
         for (name, mut scene) in scenes() {
-            for (g, is_first) in [(0.0, true), (0.0, false), (0.6, true), (-0.5, false)] {
+            for (g, is_first) in cases(vec![(0.6, true), (0.0, true), (0.0, false), (-0.5, false)]) {
                 scene.g = g;
                 check(ctx, name, &scene, config, is_first);
             }
@@ -238,8 +238,9 @@ fn ends_of_the_knobs() {
     gpu_test(|ctx| {
         let grid = Grid::axis_aligned([6, 5, 7], [1.0; 3], [0.0; 3]);
         let scene = scene_of(grid, random_values(6, 210));
-        for (candidates, directions, defence) in [(9, 1, 0.2), (7, 7, 0.2), (1, 1, 0.5), (30, 8, 1.0), (30, 8, 1e-3)] {
-            for sampling in [Sampling::Top, Sampling::Resample] {
+        let knobs = vec![(9, 1, 0.2), (7, 7, 0.2), (1, 1, 0.5), (30, 8, 1.0), (30, 8, 1e-3)];
+        for (candidates, directions, defence) in cases(knobs) {
+            for sampling in cases(vec![Sampling::Resample, Sampling::Top]) {
                 let config = GatherConfig { sampling, candidates, directions, defence, ..CONFIG };
                 check(ctx, &format!("N {directions} of M {candidates}, β {defence}"), &scene, config, true);
             }
