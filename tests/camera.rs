@@ -6,7 +6,7 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use bodies::{Setup, assert_close, cases, image, scenes, sky, texture};
+use bodies::{Setup, assert_close, cases, image, scene_of, scenes, sky, texture};
 use common::gpu_test;
 use glam::{DVec3, Vec3, Vec4};
 use tyndall::cpu;
@@ -15,6 +15,7 @@ use tyndall::passes::camera::Camera;
 use tyndall::scene::camera::{self, look_at};
 use tyndall::scene::{Background, Environment, Light, Model, Scene};
 use tyndall::vk::{Context, Recorder};
+use tyndall::volume::Grid;
 
 /// Both read the same half floats and compute in single precision. Rays are cut at a transmittance of 1e-3, and
 /// rounding decides on which side of that a step falls: 1e-3 of what lies behind.
@@ -139,7 +140,7 @@ fn eyes_in_awkward_places() {
 #[test]
 fn pixels_look_where_the_scene_says() {
     gpu_test(|ctx| {
-        let (_, mut scene) = scenes().pop().expect("the empty one");
+        let mut scene = scene_of(Grid::axis_aligned([3, 2, 1], [1.0; 3], [0.0; 3]), vec![0.0; 6]);
         scene.background = Background::Environment;
         scene.environment = Some(sky());
         scene.settings.size = [16, 5];
