@@ -299,7 +299,7 @@ fn the_renderer_builds_it_anew_for_every_order() {
         for &(name, size, mask, orders) in cases(&all) {
             let bits = mask.count_ones() / 4;
             let mut before: Option<ProxyContents> = None;
-            for &orders in orders {
+            for &orders in cases(orders) {
                 let case = format!("{name}, order {orders}");
                 let scene = phantom_scene(name, size, &format!("{QUICK}orders = {orders}\nmask = {bits}"));
                 let got = proxy_of(ctx, &scene);
