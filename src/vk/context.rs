@@ -1,7 +1,7 @@
 //! Instance, device, queue, allocator: made together, torn down in the reverse order.
 
 use super::buffer::{Buffer, RawBuffer};
-use super::image::{Image, ImageFormat, RawImage, WHOLE};
+use super::image::{Image, ImageFormat, RawImage};
 use super::recorder::Recorder;
 use super::validation::{self, LayerSettings, Message, Severity, Sink, Validation};
 use crate::{Error, Result};
@@ -755,25 +755,6 @@ fn create_device(instance: &Instance, physical: vk::PhysicalDevice, probe: &Prob
         object: probe.info.name.clone(),
         result,
     })
-}
-
-pub(super) use image_barrier::init_barrier;
-
-mod image_barrier {
-    use super::*;
-
-    /// UNDEFINED to GENERAL: the only layout change there is.
-    pub(in crate::vk) fn init_barrier(image: vk::Image) -> vk::ImageMemoryBarrier2<'static> {
-        vk::ImageMemoryBarrier2::default()
-            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-            .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
-            .old_layout(vk::ImageLayout::UNDEFINED)
-            .new_layout(vk::ImageLayout::GENERAL)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .image(image)
-            .subresource_range(WHOLE)
-    }
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use super::access::{Access, HazardTracker};
 use super::buffer::{Bind, Buffer, Filter, RawBuffer};
-use super::context::{Context, DeviceShared, init_barrier};
-use super::image::{Image, RawImage};
+use super::context::{Context, DeviceShared};
+use super::image::{Image, RawImage, init_barrier};
 use super::pipeline::{Pipeline, RawPipeline, descriptor_type};
 use super::validation::Severity;
 use crate::shaders::{BindingAccess, BindingKind};
