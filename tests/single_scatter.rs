@@ -14,7 +14,7 @@ use glam::{DVec3, Vec3, Vec4};
 use tyndall::cpu;
 use tyndall::cpu::contribute::Orders as HostOrders;
 use tyndall::cpu::texture::Texture;
-use tyndall::passes::gather::{Orders, Source};
+use tyndall::passes::contribute::{Orders, Source};
 use tyndall::passes::single_scatter::SingleScatter;
 use tyndall::scene::{Environment, Light, Scene};
 use tyndall::vk::{Access, Context, Recorder};

@@ -90,7 +90,7 @@ fn report(volume: &Volume, thresholds: &[f64]) -> Report {
     Report {
         name: volume.name.clone(),
         dims: grid.dims,
-        scalar_type: format!("{:?}", volume.data.scalar_type()).to_lowercase(),
+        scalar_type: volume.data.scalar_type().to_string(),
         spacing: grid.spacing(),
         origin: grid.index_to_world.transform_point3(glam::DVec3::splat(0.5)).into(),
         axes: [steps.x_axis, steps.y_axis, steps.z_axis].map(|a| a.normalize_or_zero().into()),

@@ -2,69 +2,15 @@
 //! of them chosen (`gather_select.comp`), those traced in the data (`gather_trace.comp`).
 
 use super::compact::{ActiveList, Chunk, ChunkArgs};
+use super::contribute::{Orders, Source};
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use super::{LIST_WORKGROUP, contribute, order_compute, rays_per_invocation};
 use crate::Result;
 use crate::abi::{GatherProxyPush, GatherSelectPush, GatherTracePush};
 use crate::scene::{Sampling, Settings};
 use crate::shaders::{self, constants};
-use crate::vk::{Bind, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
-
-/// The macrocells' image.
-pub type Cells<'a> = &'a Image;
-
-/// Source of one order: A and extinction, and for g ≠ 0 B by component (`contribute.glsl`).
-#[derive(Clone)]
-pub struct Source {
-    /// rgb = A, a = extinction.
-    pub a: Image,
-    /// B's x, y, z; a 1×1×1 image where g = 0.
-    pub b: [Image; 3],
-}
-
-/// What a pass adds an order's light to.
-pub struct Orders<'a> {
-    /// The next order's source; anything where there is no next order.
-    pub next: &'a Source,
-    /// rgb = what the eye sees of all orders so far, a = extinction.
-    pub total: &'a Image,
-}
-
-impl Source {
-    /// Images for a source. Zeroed by [`Source::clear`], not here.
-    pub fn new(ctx: &Context, name: [&str; 4], dims: [u32; 3], is_anisotropic: bool) -> Result<Self> {
-        let small = if is_anisotropic { dims } else { [1; 3] };
-        Ok(Self {
-            a: ctx.image_3d(name[0], dims, ImageFormat::Rgba16Float)?,
-            b: [
-                ctx.image_3d(name[1], small, ImageFormat::Rgba16Float)?,
-                ctx.image_3d(name[2], small, ImageFormat::Rgba16Float)?,
-                ctx.image_3d(name[3], small, ImageFormat::Rgba16Float)?,
-            ],
-        })
-    }
-
-    /// Sets everything to zero ([`crate::vk::Access::TransferWrite`]).
-    pub fn clear(&self, rec: &mut Recorder) {
-        rec.clear_image(&self.a);
-        for b in &self.b {
-            rec.clear_image(b);
-        }
-    }
-}
-
-impl<'a> Orders<'a> {
-    pub(super) fn written(&self) -> [(&'static str, Bind<'a>); 5] {
-        [
-            ("next_a", self.next.a.storage()),
-            ("total", self.total.storage()),
-            ("next_x", self.next.b[0].storage()),
-            ("next_y", self.next.b[1].storage()),
-            ("next_z", self.next.b[2].storage()),
-        ]
-    }
-}
+use crate::vk::{Buffer, Context, Filter, Image, Pipeline, Recorder};
 
 /// How one gather chooses its directions.
 #[derive(Clone, Copy, Debug)]
@@ -145,12 +91,7 @@ impl Gather {
             Sampling::Resample => constants::SAMPLING_RESAMPLE,
         };
         let items = if config.uses_proxy() { chunk_items as usize } else { 1 };
-        let trace = [
-            ("WORKGROUP", LIST_WORKGROUP),
-            ("ANISOTROPIC", (scene.params.g != 0.0).into()),
-            ("HAS_NEXT", has_next.into()),
-            ("SAMPLING", sampling),
-        ];
+        let trace = [&contribute::specialization(scene, has_next)[..], &[("SAMPLING", sampling)]].concat();
         let workgroup = ("WORKGROUP", LIST_WORKGROUP);
         let candidates = if config.uses_proxy() {
             let select = [workgroup, ("SAMPLING", sampling)];
@@ -209,7 +150,7 @@ impl Gather {
         &self,
         rec: &mut Recorder,
         scene: &SceneData,
-        cells: Cells<'_>,
+        cells: &Image,
         chunk: &Chunk<'_>,
         args: &GatherArgs,
         proxy: Option<&Proxy>,
@@ -275,18 +216,14 @@ impl Gather {
                 first: (is_first && begin == 0).into(),
                 step_voxels: c.step,
             };
-            let mut binds = vec![
-                ("scene_block", scene.block.bind()),
-                ("transfer_block", scene.transfer.bind()),
-                ("emptiness", cells.sampled(Filter::Nearest)),
-                ("scalar", scene.scalar.sampled(Filter::Nearest)),
+            let mut binds = contribute::binds(scene, cells, orders);
+            binds.extend([
                 ("source_a", source.a.sampled(Filter::Linear)),
                 ("source_x", source.b[0].sampled(Filter::Linear)),
                 ("source_y", source.b[1].sampled(Filter::Linear)),
                 ("source_z", source.b[2].sampled(Filter::Linear)),
                 ("chosen", self.chosen.bind()),
-            ];
-            binds.extend(orders.written());
+            ]);
             chunk.dispatch(rec, &self.trace, &binds, &push, &args.trace);
         }
         rec.end_pass();

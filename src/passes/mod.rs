@@ -5,6 +5,7 @@
 pub mod camera;
 pub mod classify;
 pub mod compact;
+pub mod contribute;
 pub mod gather;
 pub mod lookback;
 pub mod phong;

@@ -1,9 +1,9 @@
 //! Single scattering (`glsl/single_scatter.comp`): order 1 from delta lights and the environment.
 
 use super::compact::{Chunk, ChunkArgs};
-use super::gather::{Cells, Orders};
+use super::contribute::Orders;
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use super::{contribute, order_compute, rays_per_invocation};
 use crate::Result;
 use crate::abi::SingleScatterPush;
 use crate::shaders;
@@ -20,12 +20,8 @@ pub struct SingleScatter {
 impl SingleScatter {
     /// Makes the pipeline. `directions`: samples of the environment per voxel; `has_next`: another order follows.
     pub fn new(ctx: &Context, scene: &SceneData, directions: u32, step: f32, has_next: bool) -> Result<Self> {
-        let specialization = [
-            ("WORKGROUP", LIST_WORKGROUP),
-            ("ANISOTROPIC", (scene.params.g != 0.0).into()),
-            ("HAS_NEXT", has_next.into()),
-            ("ENVIRONMENT", scene.environment),
-        ];
+        let common = contribute::specialization(scene, has_next);
+        let specialization = [&common[..], &[("ENVIRONMENT", scene.environment)]].concat();
         Ok(Self {
             pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?,
             directions,
@@ -45,14 +41,15 @@ impl SingleScatter {
     }
 
     /// Adds order 1 of a chunk, but for the delta lights that the camera adds, to `orders.total`, and writes all of it to
-    /// `orders.next` if there is a next order. `field` has
-    /// the extinction. Ordered after all compute accesses before; ends with these images written by compute.
+    /// `orders.next` if there is a next order. `field` has the extinction.
+    ///
+    /// Ordered after all compute accesses before; ends with these images written by compute.
     #[allow(clippy::too_many_arguments, reason = "what a kernel reads and writes is named one by one")]
     pub fn record(
         &self,
         rec: &mut Recorder,
         scene: &SceneData,
-        cells: Cells<'_>,
+        cells: &Image,
         chunk: &Chunk<'_>,
         args: &ChunkArgs,
         field: &Image,
@@ -79,17 +76,13 @@ impl SingleScatter {
                 first: (begin == 0).into(),
                 step_voxels: self.step,
             };
-            let mut binds = vec![
-                ("scene_block", scene.block.bind()),
-                ("transfer_block", scene.transfer.bind()),
-                ("emptiness", cells.sampled(Filter::Nearest)),
+            let mut binds = contribute::binds(scene, cells, orders);
+            binds.extend([
                 ("lights", scene.lights.bind()),
                 ("field", field.sampled(Filter::Linear)),
-                ("scalar", scene.scalar.sampled(Filter::Nearest)),
                 ("environment_image", scene.environment_image.sampled(Filter::Nearest)),
                 ("environment_table", scene.environment_table.bind()),
-            ];
-            binds.extend(orders.written());
+            ]);
             order_compute(rec);
             chunk.dispatch(rec, &self.pipeline, &binds, &push, args);
             begin = end;

@@ -5,6 +5,7 @@
 
 use super::values::{BackgroundValue, ExposureValue, Mask, Rgb, UpAxis};
 use super::{Exposure, Model, Sampling, ToneCurve};
+use crate::volume::ScalarType;
 use crate::{Error, Result};
 use glam::DVec3;
 use serde::Deserialize;
@@ -86,7 +87,7 @@ table! {
         /// Voxels along x, y, z; x is fastest in the file.
         size: [u32; 3],
         /// Type of the stored scalars.
-        r#type: RawType,
+        r#type: ScalarType,
         /// Byte order, default little.
         endian: RawEndian,
         /// Voxel spacing along x, y, z, default 1.
@@ -94,21 +95,6 @@ table! {
         /// Bytes before the first voxel, default 0.
         skip: u64,
     }
-}
-
-/// Scalar type of a raw file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Deserialize)]
-#[serde(rename_all = "lowercase")]
-#[allow(missing_docs, reason = "the variants are the types they name")]
-pub enum RawType {
-    U8,
-    I8,
-    U16,
-    I16,
-    U32,
-    I32,
-    F32,
-    F64,
 }
 
 /// Byte order of a raw file.

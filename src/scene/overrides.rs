@@ -1,9 +1,9 @@
 //! The command-line flags that change a scene.
 
-use super::file::{LightTable, RawEndian, RawTable, RawType, SceneFile};
+use super::file::{LightTable, RawEndian, RawTable, SceneFile};
 use super::values::{BackgroundValue, ExposureValue, Mask, Rgb, UpAxis, numbers};
 use super::{Model, Sampling, ToneCurve, presets};
-use crate::volume::RawLayout;
+use crate::volume::{RawLayout, ScalarType};
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
 use std::path::{Path, PathBuf};
@@ -131,7 +131,7 @@ pub struct RawFlags {
     pub raw_size: Option<[u32; 3]>,
     /// Scalar type of a raw file
     #[arg(long, value_name = "TYPE", help_heading = "Volume")]
-    pub raw_type: Option<RawType>,
+    pub raw_type: Option<ScalarType>,
     /// Byte order of a raw file [default: little]
     #[arg(long, value_name = "ORDER", help_heading = "Volume")]
     pub raw_endian: Option<RawEndian>,

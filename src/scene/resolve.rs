@@ -2,12 +2,12 @@
 
 use super::camera::{self, Framing};
 use super::file::{CameraTable, RenderTable, TransferTable, ValueScale, VolumeTable};
-use super::file::{EnvironmentTable, LightTable, OpacityConvention, RawEndian, RawType, SceneFile};
+use super::file::{EnvironmentTable, LightTable, OpacityConvention, RawEndian, SceneFile};
 use super::overrides::Overrides;
 use super::values::Rgb;
 use super::{Background, Camera, Environment, Exposure, LatLong, Light, OpacityUnit, Sampling, Scene, Settings};
 use super::{ToneCurve, TransferFunction, TransferPoint, presets};
-use crate::volume::{self, Grid, RawLayout, ScalarType, Volume};
+use crate::volume::{self, Grid, RawLayout, Volume};
 use crate::{Error, Result};
 use glam::{DAffine3, DVec3, Vec3};
 use std::path::Path;
@@ -96,19 +96,9 @@ pub(super) fn raw_layout(table: &VolumeTable) -> Result<Option<RawLayout>> {
         let cure = format!("give {flag} {example}, or {field} in the scene's [volume] raw");
         Error::input("raw volume", format!("its '{field}' is not known"), cure)
     };
-    let scalar = match raw.r#type.ok_or_else(|| missing("type", "--raw-type", "u16"))? {
-        RawType::U8 => ScalarType::U8,
-        RawType::I8 => ScalarType::I8,
-        RawType::U16 => ScalarType::U16,
-        RawType::I16 => ScalarType::I16,
-        RawType::U32 => ScalarType::U32,
-        RawType::I32 => ScalarType::I32,
-        RawType::F32 => ScalarType::F32,
-        RawType::F64 => ScalarType::F64,
-    };
     Ok(Some(RawLayout {
         dims: raw.size.ok_or_else(|| missing("size", "--raw-size", "256x256x128"))?,
-        scalar,
+        scalar: raw.r#type.ok_or_else(|| missing("type", "--raw-type", "u16"))?,
         big_endian: raw.endian == Some(RawEndian::Big),
         spacing: raw.spacing.unwrap_or([1.0; 3]),
         origin: [0.0; 3],

@@ -4,7 +4,6 @@ use crate::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
 use std::ops::RangeInclusive;
-use std::str::FromStr;
 
 /// Lengths of a voxel step, in world units, that can be rendered in single precision without overflow.
 const STEP_LENGTHS: RangeInclusive<f64> = 1e-12..=1e12;
@@ -16,7 +15,8 @@ const MAX_ORIGIN: f64 = 1e15;
 const MIN_DETERMINANT: f64 = 1e-6;
 
 /// Type of the stored scalars.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "the variants are the types they name")]
 pub enum ScalarType {
     U8,
@@ -196,18 +196,6 @@ macro_rules! for_each_type {
 pub(super) use for_each_type;
 
 impl ScalarType {
-    /// Every type and its name on the command line and in scene files.
-    pub const NAMES: [(ScalarType, &str); 8] = [
-        (ScalarType::U8, "u8"),
-        (ScalarType::I8, "i8"),
-        (ScalarType::U16, "u16"),
-        (ScalarType::I16, "i16"),
-        (ScalarType::U32, "u32"),
-        (ScalarType::I32, "i32"),
-        (ScalarType::F32, "f32"),
-        (ScalarType::F64, "f64"),
-    ];
-
     /// Bytes of one scalar.
     pub fn size(self) -> usize {
         match self {
@@ -219,21 +207,10 @@ impl ScalarType {
     }
 }
 
-impl FromStr for ScalarType {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        Self::NAMES.iter().find(|(_, name)| *name == text).map(|&(scalar, _)| scalar).ok_or_else(|| {
-            let names: Vec<_> = Self::NAMES.iter().map(|&(_, name)| name).collect();
-            format!("unknown scalar type '{text}'; one of {}", names.join(", "))
-        })
-    }
-}
-
+/// As on the command line and in scene files: `u8`, `f64`.
 impl fmt::Display for ScalarType {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (_, name) = Self::NAMES.iter().find(|(scalar, _)| scalar == self).expect("NAMES lists every variant");
-        f.write_str(name)
+        write!(f, "{}", format!("{self:?}").to_lowercase())
     }
 }
 
