@@ -7,6 +7,9 @@
 
 layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
+// Component of the field that holds the extinction.
+layout(constant_id = 0) const uint COMPONENT = 3u;
+
 layout(set = 0, binding = 1) uniform sampler3D field;
 layout(set = 0, binding = 2, r32ui) writeonly uniform uimage3D occupancy;
 
@@ -22,7 +25,7 @@ void main() {
     for (int z = low.z; z <= high.z && !occupied; z++) {
         for (int y = low.y; y <= high.y && !occupied; y++) {
             for (int x = low.x; x <= high.x; x++) {
-                occupied = occupied || texelFetch(field, ivec3(x, y, z), 0).a > 0.0;
+                occupied = occupied || texelFetch(field, ivec3(x, y, z), 0)[COMPONENT] > 0.0;
             }
         }
     }

@@ -302,3 +302,40 @@ pub struct CameraPush {
     pub lights_per_sample: u32,
     pub light_step: f32,
 }
+
+/// `path.comp`: a path under way.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "path.comp documents the members")]
+pub struct PathState {
+    pub position: [f32; 3],
+    pub direction: [f32; 3],
+    pub cell: [i32; 3],
+    pub t: f32,
+    pub next: [f32; 3],
+    pub throughput: [f32; 3],
+    pub radiance: [f32; 3],
+    pub pending: [f32; 3],
+    pub transmittance: f32,
+    pub reach: f32,
+    pub density: f32,
+    pub stage: u32,
+    pub scatterings: u32,
+    pub done: u32,
+    pub draws: u32,
+}
+
+/// `path.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "path.comp documents the members")]
+pub struct PathPush {
+    pub row_begin: u32,
+    pub row_end: u32,
+    pub sample_begin: u32,
+    pub sample_count: u32,
+    pub orders: u32,
+    pub light_count: u32,
+    pub budget: u32,
+    pub event_cost: u32,
+}

@@ -6,7 +6,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::Result;
-use crate::scene::Settings;
+use crate::scene::{Scene, Settings};
+use crate::vk::{Context, Severity, TimedPass, Validation};
 use crate::volume::Volume;
 
 /// One run's figures. Times are in milliseconds, sizes in bytes.
@@ -22,6 +23,9 @@ pub struct Stats {
     pub passes: Vec<PassStats>,
     /// The hash-bucket proxy, one entry per iteration that built one.
     pub proxy: Vec<ProxyStats>,
+    /// What the path tracer knows of its own errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathStats>,
     /// Sum of the passes' GPU times.
     pub gpu_ms: f64,
     /// Elapsed time of the whole render, uploads and shader compilation included.
@@ -90,6 +94,21 @@ pub struct ProxyStats {
     pub mask_used: [u8; 4],
 }
 
+/// A path-traced picture.
+#[derive(Clone, Debug, Serialize)]
+pub struct PathStats {
+    /// Samples of every pixel.
+    pub samples: u32,
+    /// Mean radiance of the picture, per channel.
+    pub mean: [f64; 3],
+    /// Standard error of `mean`.
+    pub mean_error: [f64; 3],
+    /// Root mean square of the pixels' standard errors over the mean radiance.
+    pub noise: f64,
+    /// Mean weight, per sample, of the paths that the event cap cut; their light is missing.
+    pub truncated: f64,
+}
+
 /// Messages of the validation layer and of Tyndall's own checks.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ValidationStats {
@@ -108,7 +127,61 @@ impl VolumeStats {
     }
 }
 
+/// Times by pass and iteration.
+pub fn pass_stats(times: &[TimedPass]) -> Vec<PassStats> {
+    let mut passes: Vec<PassStats> = Vec::new();
+    for t in times {
+        match passes.iter_mut().find(|p| p.name == t.name && p.iteration == t.iteration) {
+            Some(p) => {
+                p.dispatches += t.dispatches;
+                p.ms += t.ms;
+            }
+            None => passes.push(PassStats {
+                name: t.name.to_owned(),
+                iteration: t.iteration,
+                dispatches: t.dispatches,
+                ms: t.ms,
+            }),
+        }
+    }
+    passes
+}
+
 impl Stats {
+    /// The figures of a render on `ctx`, of which the caller measured `wall_ms`.
+    pub fn new(
+        ctx: &Context,
+        scene: &Scene,
+        volume: VolumeStats,
+        passes: Vec<PassStats>,
+        proxy: Vec<ProxyStats>,
+        wall_ms: f64,
+    ) -> Self {
+        let info = ctx.device_info();
+        let messages = ctx.messages();
+        let count = |severity| messages.iter().filter(|m| m.severity == severity).count() as u64;
+        Self {
+            device: DeviceStats {
+                name: info.name.clone(),
+                driver: info.driver.clone(),
+                subgroup_size: info.subgroup_size,
+            },
+            volume,
+            settings: scene.settings.clone(),
+            gpu_ms: passes.iter().map(|p| p.ms).sum(),
+            passes,
+            proxy,
+            path: None,
+            wall_ms,
+            peak_device_bytes: ctx.peak_bytes(),
+            validation: ValidationStats {
+                enabled: ctx.validation() != Validation::Off,
+                errors: count(Severity::Error),
+                warnings: count(Severity::Warning),
+            },
+        }
+    }
+
     /// The JSON object, indented, with a final line break.
     pub fn to_json(&self) -> String {
         to_json(self)
@@ -122,7 +195,10 @@ impl Stats {
     /// Times and proxy as text for people.
     pub fn table(&self) -> String {
         let mut out = String::new();
-        self.print_passes(&mut out).and_then(|()| self.print_proxy(&mut out)).expect("writing to a String cannot fail");
+        self.print_passes(&mut out)
+            .and_then(|()| self.print_proxy(&mut out))
+            .and_then(|()| self.print_path(&mut out))
+            .expect("writing to a String cannot fail");
         out
     }
 
@@ -144,6 +220,22 @@ impl Stats {
         writeln!(out, "{:<24} {:>10} {:>12.3}", "all on the GPU", "", self.gpu_ms)?;
         writeln!(out, "{:<24} {:>10} {:>12.3}", "elapsed", "", self.wall_ms)?;
         writeln!(out, "device memory at its peak: {:.1} MiB", mebibytes(self.peak_device_bytes))
+    }
+
+    fn print_path(&self, out: &mut String) -> std::fmt::Result {
+        let Some(path) = &self.path else { return Ok(()) };
+        let [r, g, b] = path.mean;
+        let [er, eg, eb] = path.mean_error;
+        writeln!(out, "\nsamples per pixel {}; noise {:.4} % of the mean radiance", path.samples, 100.0 * path.noise)?;
+        writeln!(out, "mean radiance {r:.6e} {g:.6e} {b:.6e}, standard errors {er:.1e} {eg:.1e} {eb:.1e}")?;
+        if path.truncated > 0.0 {
+            writeln!(
+                out,
+                "the event cap cut paths of a mean weight of {:.3e}: their light is missing",
+                path.truncated
+            )?;
+        }
+        Ok(())
     }
 
     fn print_proxy(&self, out: &mut String) -> std::fmt::Result {
@@ -218,6 +310,7 @@ mod tests {
                 mask_requested: [255; 4],
                 mask_used: [0xF0; 4],
             }],
+            path: None,
             gpu_ms: 3.75,
             wall_ms: 10.0,
             peak_device_bytes: 3 << 20,

@@ -8,16 +8,17 @@ mod bodies;
 mod common;
 #[path = "common/data.rs"]
 mod data;
+#[path = "common/transport.rs"]
+mod transport;
 
 use bodies::{random_values, scene_of};
-use glam::{DAffine3, DMat3, DVec3, DVec4, Vec3, Vec4};
+use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::ops::ControlFlow;
+use transport::{aim, assert_near, homogeneous, matter, mean, sun, unit_cube};
 use tyndall::output::Picture;
 use tyndall::render::{Internals, Renderer};
 use tyndall::scene::camera::look_at;
-use tyndall::scene::{
-    Background, Camera, Environment, Light, Model, OpacityUnit, Sampling, Scene, TransferFunction, TransferPoint,
-};
+use tyndall::scene::{Background, Camera, Environment, Light, Model, Sampling, Scene};
 use tyndall::vk::{Context, Validation};
 use tyndall::volume::{Grid, VoxelData};
 
@@ -36,58 +37,10 @@ fn render(ctx: &Context, scene: &Scene) -> Picture {
     renderer.render(scene.settings.seed, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
-/// Mean over the pixels.
-fn mean(picture: &Picture) -> Vec4 {
-    let sum: DVec4 = picture.pixels.iter().map(|&p| Vec4::from(p).as_dvec4()).sum();
-    (sum / picture.pixels.len() as f64).as_vec4()
-}
-
 /// The picture's mean in one pencil of rays: the same ray for every pixel, other random numbers in each.
 fn pencil(ctx: &Context, scene: &mut Scene, origin: [f64; 3], direction: [f64; 3]) -> Vec4 {
-    let (origin, direction) = (DVec3::from(origin), DVec3::from(direction));
-    let up = if direction.z.abs() > 0.9 { DVec3::Y } else { DVec3::Z };
-    scene.camera = look_at(origin, origin + direction, up, 1e-4);
-    scene.settings.size = [32, 32];
+    aim(scene, origin, direction, [32, 32]);
     mean(&render(ctx, scene))
-}
-
-/// One extinction, albedo and emission where the scalar is 1, nothing where it is 0, linear in between.
-fn matter(extinction: f64, albedo: Vec3, emission: Vec3) -> TransferFunction {
-    let point = |value: f64| TransferPoint {
-        value,
-        color: albedo.to_array(),
-        opacity: (value * extinction) as f32,
-        emission: emission.to_array(),
-    };
-    TransferFunction { points: vec![point(0.0), point(1.0)], opacity_unit: OpacityUnit::Extinction }
-}
-
-/// A homogeneous box in darkness, before a transparent background.
-fn homogeneous(grid: Grid, extinction: f64, albedo: Vec3) -> Scene {
-    let mut scene = scene_of(grid, vec![1.0; grid.voxels() as usize]);
-    scene.transfer = matter(extinction, albedo, Vec3::ZERO);
-    scene.albedo_scale = Vec3::ONE;
-    scene.lights.clear();
-    scene.environment = None;
-    scene.settings.model = Model::Single;
-    scene.settings.spp = 1;
-    scene
-}
-
-/// The cube [0,1]³ in `n`³ voxels.
-fn unit_cube(n: u32) -> Grid {
-    let spacing = 1.0 / f64::from(n);
-    Grid::axis_aligned([n; 3], [spacing; 3], [spacing / 2.0; 3])
-}
-
-fn sun(direction: [f64; 3]) -> Light {
-    Light::Directional { direction: direction.into(), irradiance: Vec3::ONE }
-}
-
-#[track_caller]
-fn assert_near(case: &str, got: f32, expected: f64, tolerance: f64) {
-    let error = f64::from(got) - expected;
-    assert!(error.abs() <= tolerance, "{case}: {got} instead of {expected}, error {error:e}, allowed {tolerance:e}");
 }
 
 /// exp(−τ) along an axis, along a diagonal, and along the oblique rays of transport B-box4 and B-box5. Rays end at a

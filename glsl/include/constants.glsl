@@ -83,6 +83,21 @@ const uint BACKGROUND_COLOR = 1u;
 // BACKGROUND: the environment.
 const uint BACKGROUND_ENVIRONMENT = 2u;
 
+// What a path does next: draw a camera ray.
+const uint PATH_START = 0u;
+// What a path does next: fly on to a collision.
+const uint PATH_FLIGHT = 1u;
+// What a path does next: follow a ray to a light.
+const uint PATH_SHADOW = 2u;
+// Word of the path tracer's tally: pixels that are not done with their round.
+const uint TALLY_UNFINISHED = 0u;
+// Word of the tally: samples done by the latest dispatch.
+const uint TALLY_SAMPLES = 1u;
+// Word of the tally: voxels with extinction.
+const uint TALLY_ACTIVE = 2u;
+// Words of the tally.
+const uint TALLY_WORDS = 3u;
+
 // SAMPLING: N directions from the phase function.
 const uint SAMPLING_PHASE = 0u;
 // SAMPLING: the N of M candidates with the most proxy energy.

@@ -113,5 +113,11 @@ EnvironmentSample sample_environment(uint i, uint n, vec2 shift) {
     s.weight = 1.0 / (float(even) / (4.0 * PI) + float(drawn) * table_density(cell));
     return s;
 }
+
+// Density [1/sr] of drawing one of the two samples of sample_environment(0 or 1, 2, ...) with equal chance, of an image.
+float environment_density(vec3 towards) {
+    uvec2 cell = min(uvec2(environment_uv(towards) * vec2(scene.environment_size)), scene.environment_size - 1u);
+    return 0.5 / (4.0 * PI) + 0.5 * table_density(cell);
+}
 #endif
 #endif

@@ -18,4 +18,28 @@ uint stream_key(uint item, uint stream, uint seed_low, uint seed_high) {
 float random_float(uint key, uint n) {
     return float(pcg_hash(key + n * 2654435769u) >> 8u) * (1.0 / 16777216.0);
 }
+
+// Four words from four (Jarzynski and Olano 2020, pcg4d): all of the output depends on all of the input.
+uvec4 pcg4d(uvec4 v) {
+    v = v * 1664525u + 1013904223u;
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    v ^= v >> 16u;
+    v.x += v.y * v.w;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v.w += v.y * v.z;
+    return v;
+}
+
+// In [0, 1), from the word's upper 24 bits.
+float unit_float(uint word) {
+    return float(word >> 8u) * (1.0 / 16777216.0);
+}
+
+vec4 unit_floats(uvec4 words) {
+    return vec4(words >> 8u) * (1.0 / 16777216.0);
+}
 #endif

@@ -22,4 +22,27 @@ float phase_hg(float g, float cosine) {
     float d = (1.0 - a) * (1.0 - a) + 2.0 * a * max(0.0, 1.0 - sign(g) * cosine);
     return (1.0 - a) * (1.0 + a) / (4.0 * PI * d * sqrt(d));
 }
+
+// Unit vectors at right angles to `n` and to each other (Duff et al. 2017).
+void orthonormal(vec3 n, out vec3 a, out vec3 b) {
+    float s = n.z < 0.0 ? -1.0 : 1.0;
+    float c = -1.0 / (s + n.z);
+    float d = n.x * n.y * c;
+    a = vec3(1.0 + s * n.x * n.x * c, s * d, -s * n.x);
+    b = vec3(d, s + n.y * n.y * c, -n.y);
+}
+
+// A direction after scattering, distributed as phase_hg; `u` in [0, 1).
+vec3 sample_hg(float g, vec3 before, vec2 u) {
+    // 1 ∓ cosine without cancellation, for every g: the inverse distribution function, algebraically rearranged.
+    float d = 1.0 - g + 2.0 * g * u.x;
+    float less = 2.0 * (1.0 - u.x) * (1.0 - g) * (1.0 - g) * (1.0 + g * u.x) / (d * d);
+    float more = 2.0 * u.x * (1.0 + g) * (1.0 + g) * (1.0 - g * (1.0 - u.x)) / (d * d);
+    float cosine = less < more ? 1.0 - less : more - 1.0;
+    float sine = sqrt(max(0.0, less * more));
+    float phi = 2.0 * PI * u.y;
+    vec3 a, b;
+    orthonormal(before, a, b);
+    return normalize(before * cosine + (a * cos(phi) + b * sin(phi)) * sine);
+}
 #endif

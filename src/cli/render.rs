@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::{DeviceArgs, name_of, times};
 use crate::output::{self, BitDepth, PngOptions};
 use crate::render::{Progress, render};
-use crate::scene::{self, Model, Sampling, Scene};
+use crate::scene::{self, Model, Sampling, Scene, UNLIMITED};
 use crate::stats::Stats;
 use crate::vk::Context;
 use crate::{Error, Result};
@@ -112,15 +112,18 @@ fn settings_line(scene: &Scene, stats: &Stats) -> String {
             let orders = s.orders;
             format!("multiple, orders {orders}, {} {}{pool} directions", name_of(&s.sampling), s.directions)
         }
+        Model::Path if s.orders == UNLIMITED => "path, unlimited orders".to_owned(),
+        Model::Path => format!("path, orders {}", s.orders),
         model => name_of(&model),
     };
+    let samples = stats.path.as_ref().map_or(s.spp, |path| path.samples);
     format!(
         "{} {}, {:.1} % active; {method}; {}, {} spp, seed {}; on {}",
         scene.volume.name,
         times(&scene.volume.grid.dims),
         100.0 * stats.volume.active_fraction,
         times(&s.size),
-        s.spp,
+        samples,
         s.seed,
         stats.device.name
     )

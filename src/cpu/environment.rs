@@ -45,6 +45,14 @@ impl EnvironmentLight {
         }
     }
 
+    /// Density [1/sr] of drawing one of two samples of an image with equal chance; 0 where there is no image.
+    pub fn environment_density(&self, towards: Vec3) -> f32 {
+        match self {
+            Self::Image(_, table) => 0.5 / (4.0 * PI) + 0.5 * table.density(towards.as_dvec3()),
+            _ => 0.0,
+        }
+    }
+
     /// Sample `i` of `n`, shifted by two numbers in [0, 1); `None` in darkness.
     pub fn sample_environment(&self, i: u32, n: u32, shift: [f32; 2]) -> Option<EnvironmentSample> {
         let table = match self {

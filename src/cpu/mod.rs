@@ -13,6 +13,7 @@ pub mod emptiness;
 pub mod environment;
 pub mod gather;
 pub mod march;
+pub mod path;
 pub mod phong;
 pub mod proxy;
 pub mod radix_sort;

@@ -17,6 +17,28 @@ pub fn random_float(key: u32, n: u32) -> f32 {
     (pcg_hash(key.wrapping_add(n.wrapping_mul(2_654_435_769))) >> 8) as f32 / 16_777_216.0
 }
 
+/// Four words from four.
+pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
+    let [mut x, mut y, mut z, mut w] = v.map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    let mut mix = |shift: u32| {
+        x = x.wrapping_add(y.wrapping_mul(w));
+        y = y.wrapping_add(z.wrapping_mul(x));
+        z = z.wrapping_add(x.wrapping_mul(y));
+        w = w.wrapping_add(y.wrapping_mul(z));
+        if shift > 0 {
+            [x, y, z, w] = [x, y, z, w].map(|c| c ^ c >> shift);
+        }
+    };
+    mix(16);
+    mix(0);
+    [x, y, z, w]
+}
+
+/// In [0, 1), from the word's upper 24 bits.
+pub fn unit_float(word: u32) -> f32 {
+    (word >> 8) as f32 / 16_777_216.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

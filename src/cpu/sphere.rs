@@ -25,6 +25,23 @@ pub fn phase_hg(g: f32, cosine: f32) -> f32 {
     ((1.0 - g * g) / (4.0 * std::f64::consts::PI * (1.0 + g * g - 2.0 * g * c).powf(1.5))) as f32
 }
 
+/// A direction after scattering, distributed as [`phase_hg`].
+pub fn sample_hg(g: f32, before: Vec3, u: [f32; 2]) -> Vec3 {
+    let d = 1.0 - g + 2.0 * g * u[0];
+    let less = 2.0 * (1.0 - u[0]) * (1.0 - g) * (1.0 - g) * (1.0 + g * u[0]) / (d * d);
+    let more = 2.0 * u[0] * (1.0 + g) * (1.0 + g) * (1.0 - g * (1.0 - u[0])) / (d * d);
+    let cosine = if less < more { 1.0 - less } else { more - 1.0 };
+    let sine = (less * more).max(0.0).sqrt();
+    let phi = 2.0 * PI * u[1];
+    // Duff et al. 2017.
+    let s = if before.z < 0.0 { -1.0 } else { 1.0 };
+    let c = -1.0 / (s + before.z);
+    let e = before.x * before.y * c;
+    let a = Vec3::new(1.0 + s * before.x * before.x * c, s * e, -s * before.x);
+    let b = Vec3::new(e, s + before.y * before.y * c, -before.y);
+    (before * cosine + (a * phi.cos() + b * phi.sin()) * sine).normalize()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

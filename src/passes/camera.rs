@@ -19,6 +19,15 @@ pub struct Camera {
 /// Delta lights that one sample visits at most.
 const MAX_LIGHTS_PER_SAMPLE: u32 = 8;
 
+/// `constants::BACKGROUND_*`.
+pub(super) fn behind(background: Background) -> u32 {
+    match background {
+        Background::Transparent => constants::BACKGROUND_TRANSPARENT,
+        Background::Color(_) => constants::BACKGROUND_COLOR,
+        Background::Environment => constants::BACKGROUND_ENVIRONMENT,
+    }
+}
+
 impl Camera {
     /// Makes the pipeline. `is_lit`: delta lights are seen by single scattering.
     ///
@@ -44,11 +53,7 @@ impl Camera {
             ));
         }
         let lights_per_sample = scene.light_count.min(MAX_LIGHTS_PER_SAMPLE).min(rays_left);
-        let behind = match background {
-            Background::Transparent => constants::BACKGROUND_TRANSPARENT,
-            Background::Color(_) => constants::BACKGROUND_COLOR,
-            Background::Environment => constants::BACKGROUND_ENVIRONMENT,
-        };
+        let behind = behind(background);
         let specialization = [("ENVIRONMENT", scene.environment), ("BACKGROUND", behind), ("LIT", is_lit.into())];
         Ok(Self { pipeline: Pipeline::new(ctx, &shaders::CAMERA, &specialization)?, step, samples, lights_per_sample })
     }

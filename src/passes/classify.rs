@@ -11,7 +11,8 @@ use crate::vk::{Context, Filter, Image, ImageFormat, Pipeline, Recorder};
 /// The pass.
 pub struct Classify {
     classify: Pipeline,
-    occupancy: Pipeline,
+    /// For fields with extinction in their fourth component, and in their only one.
+    occupancy: [Pipeline; 2],
     distance: Pipeline,
 }
 
@@ -38,7 +39,10 @@ impl Classify {
     pub fn new(ctx: &Context, emit_color: bool) -> Result<Self> {
         Ok(Self {
             classify: Pipeline::new(ctx, &shaders::CLASSIFY, &[("EMIT_COLOR", emit_color.into())])?,
-            occupancy: Pipeline::new(ctx, &shaders::OCCUPANCY, &[])?,
+            occupancy: [
+                Pipeline::new(ctx, &shaders::OCCUPANCY, &[("COMPONENT", 3)])?,
+                Pipeline::new(ctx, &shaders::OCCUPANCY, &[("COMPONENT", 0)])?,
+            ],
             distance: Pipeline::new(ctx, &shaders::DISTANCE, &[])?,
         })
     }
@@ -72,7 +76,7 @@ impl Classify {
         let groups = cells(scene.params.dims).map(|c| c.div_ceil(4));
         order_compute(rec);
         rec.dispatch(
-            &self.occupancy,
+            &self.occupancy[(field.format() == ImageFormat::R32Float) as usize],
             &[
                 ("scene_block", scene.block.bind()),
                 ("field", field.sampled(Filter::Nearest)),

@@ -8,6 +8,7 @@ pub mod compact;
 pub mod contribute;
 pub mod gather;
 pub mod lookback;
+pub mod path;
 pub mod phong;
 pub mod proxy;
 pub mod radix_sort;

@@ -1,5 +1,7 @@
 //! Renders a scene: makes the passes, records every iteration, and keeps the device busy with bounded submissions.
 
+pub mod path;
+
 use crate::output::Picture;
 use crate::passes::camera::Camera;
 use crate::passes::classify::{Classify, Emptiness};
@@ -12,8 +14,8 @@ use crate::passes::scene_data::SceneData;
 use crate::passes::single_scatter::SingleScatter;
 use crate::scene::{Model, Sampling, Scene};
 use crate::shaders::constants;
-use crate::stats::{DeviceStats, PassStats, ProxyStats, Stats, ValidationStats, VolumeStats};
-use crate::vk::{Access, Buffer, Context, Image, ImageFormat, Recorder, Severity, Submission, TimedPass, Validation};
+use crate::stats::{PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
+use crate::vk::{Access, Buffer, Context, Image, ImageFormat, Recorder, Submission, TimedPass};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -26,6 +28,10 @@ pub struct Progress {
     pub done: f64,
     /// What is being done.
     pub phase: &'static str,
+}
+
+fn stopped() -> Error {
+    Error::input("render", "stopped before it was done", "start it again")
 }
 
 /// Knobs that only tests turn.
@@ -47,6 +53,9 @@ pub fn render(
     scene: &Scene,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<(Picture, Stats)> {
+    if scene.settings.model == Model::Path {
+        return path::render(ctx, scene, progress);
+    }
     let start = Instant::now();
     let mut renderer = Renderer::new(ctx, scene, Internals::default())?;
     let picture = renderer.render(scene.settings.seed, progress)?;
@@ -106,6 +115,7 @@ impl<'a> Renderer<'a> {
             Model::Single => 1,
             Model::Multiple => s.orders,
             Model::Absorption | Model::Phong => 0,
+            Model::Path => unreachable!("PathRender renders it"),
         };
         let gather_config = GatherConfig::of(s);
         let emission_config = GatherConfig { sampling: Sampling::Phase, ..gather_config };
@@ -357,21 +367,7 @@ impl<'a> Renderer<'a> {
 
     /// Figures of the latest render. `wall_ms` is what the caller measured.
     pub fn stats(&self, scene: &Scene, wall_ms: f64) -> Result<Stats> {
-        let mut passes: Vec<PassStats> = Vec::new();
-        for t in &self.times {
-            match passes.iter_mut().find(|p| p.name == t.name && p.iteration == t.iteration) {
-                Some(p) => {
-                    p.dispatches += t.dispatches;
-                    p.ms += t.ms;
-                }
-                None => passes.push(PassStats {
-                    name: t.name.to_owned(),
-                    iteration: t.iteration,
-                    dispatches: t.dispatches,
-                    ms: t.ms,
-                }),
-            }
-        }
+        let passes = pass_stats(&self.times);
         let mut proxies = Vec::new();
         if let Some(proxy) = self.proxy() {
             let log = self.ctx.read_back(&self.proxy_log)?;
@@ -391,28 +387,8 @@ impl<'a> Renderer<'a> {
                 });
             }
         }
-        let info = self.ctx.device_info();
-        let messages = self.ctx.messages();
-        let count = |severity| messages.iter().filter(|m| m.severity == severity).count() as u64;
-        Ok(Stats {
-            device: DeviceStats {
-                name: info.name.clone(),
-                driver: info.driver.clone(),
-                subgroup_size: info.subgroup_size,
-            },
-            volume: VolumeStats::of(&scene.volume, self.active_fraction()),
-            settings: scene.settings.clone(),
-            gpu_ms: passes.iter().map(|p| p.ms).sum(),
-            passes,
-            proxy: proxies,
-            wall_ms,
-            peak_device_bytes: self.ctx.peak_bytes(),
-            validation: ValidationStats {
-                enabled: self.ctx.validation() != Validation::Off,
-                errors: count(Severity::Error),
-                warnings: count(Severity::Warning),
-            },
-        })
+        let volume = VolumeStats::of(&scene.volume, self.active_fraction());
+        Ok(Stats::new(self.ctx, scene, volume, passes, proxies, wall_ms))
     }
 
     fn active_fraction(&self) -> f64 {
@@ -451,7 +427,7 @@ impl<'p> Queue<'p> {
         let done = if self.total > 0.0 { (self.done / self.total).min(1.0) } else { 0.0 };
         match (self.progress)(Progress { done, phase }) {
             ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(Error::input("render", "stopped before it was done", "start it again")),
+            ControlFlow::Break(()) => Err(stopped()),
         }
     }
 

@@ -3,7 +3,7 @@
 //! A preset, a scene file and the command line are three layers of the same form: whatever a layer leaves out comes
 //! from the one below. Colours are as [`Rgb`] says; angles are in degrees; lengths in the volume's unit.
 
-use super::values::{BackgroundValue, ExposureValue, Mask, Rgb, UpAxis};
+use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis};
 use super::{Exposure, Model, Sampling, ToneCurve};
 use crate::volume::ScalarType;
 use crate::{Error, Result};
@@ -12,6 +12,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
+/// Most camera rays per pixel: single precision counts them exactly.
+pub const MAX_SPP: u32 = 1 << 24;
 /// Largest scene or transfer function file that is read, in bytes.
 const MAX_TEXT_BYTES: u64 = 1 << 24;
 
@@ -244,7 +246,8 @@ table! {
         sampling: Sampling,
         candidates: u32,
         directions: u32,
-        orders: u32,
+        orders: Orders,
+        max_events: u32,
         environment_directions: u32,
         camera_step: f64,
         gather_step: f64,
@@ -253,6 +256,8 @@ table! {
         mask: Mask,
         size: [u32; 2],
         spp: u32,
+        seconds: f64,
+        target_error: f64,
         seed: u64,
     }
 }
@@ -542,14 +547,17 @@ impl RenderTable {
         check("render.candidates", &self.candidates, up_to_1024, "a number from 1 to 1024")?;
         check("render.directions", &self.directions, up_to_1024, "a number from 1 to 1024")?;
         check("render.environment_directions", &self.environment_directions, up_to_1024, "a number from 1 to 1024")?;
-        check("render.orders", &self.orders, |&k| k >= 1, "a number of at least 1")?;
+        check("render.orders", &self.orders, |k| k.0 >= 1, "a number of at least 1, or \"unlimited\"")?;
+        check("render.max_events", &self.max_events, |&n| n >= 1, "a number of at least 1")?;
         check("render.camera_step", &self.camera_step, step, "a step from 0.1 to 8 voxels")?;
         check("render.gather_step", &self.gather_step, step, "a step from 0.1 to 8 voxels")?;
         check("render.proxy_step", &self.proxy_step, step, "a step from 0.1 to 8 voxels")?;
         check("render.defence", &self.defence, |&d| d > 0.0 && d <= 1.0, "a share greater than 0, at most 1")?;
         let pixels = |s: &[u32; 2]| s.iter().all(|n| (1..=16384).contains(n));
         check("render.size", &self.size, pixels, "a width and a height from 1 to 16384 pixels")?;
-        check("render.spp", &self.spp, |n| (1..=65536).contains(n), "a number from 1 to 65536")
+        check("render.spp", &self.spp, |n| (1..=MAX_SPP).contains(n), &format!("a number from 1 to {MAX_SPP}"))?;
+        check("render.seconds", &self.seconds, positive, "a time greater than 0")?;
+        check("render.target_error", &self.target_error, positive, "an error greater than 0")
     }
 }
 

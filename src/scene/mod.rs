@@ -30,7 +30,12 @@ pub enum Model {
     Single,
     /// Light scattered 1 to `orders` times.
     Multiple,
+    /// The same by an unbiased path tracer: the reference.
+    Path,
 }
+
+/// [`Settings::orders`] of a path tracer whose paths end by Russian roulette only.
+pub const UNLIMITED: u32 = u32::MAX;
 
 /// How the gather chooses the directions that it traces (DESIGN section 2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
@@ -172,8 +177,11 @@ pub struct Settings {
     pub candidates: u32,
     /// N: directions per voxel and order traced in the data. 1..=1024; N ≤ M where the sampling uses candidates.
     pub directions: u32,
-    /// K: light scattered 1..K times. ≥ 1.
+    /// K: light scattered 1..K times, ≥ 1; [`UNLIMITED`] for `path` only.
+    #[serde(serialize_with = "values::write_orders")]
     pub orders: u32,
+    /// Scatterings after which a path of unlimited orders is cut.
+    pub max_events: u32,
     /// Directions with which order 1 gathers the environment, per voxel.
     pub environment_directions: u32,
     /// Step of camera rays in voxels.
@@ -188,8 +196,12 @@ pub struct Settings {
     pub mask: [u8; 4],
     /// Picture width and height in pixels.
     pub size: [u32; 2],
-    /// Camera rays per pixel.
+    /// Camera rays per pixel; for `path` the most there may be.
     pub spp: u32,
+    /// `path`: stop after so many seconds.
+    pub seconds: Option<f64>,
+    /// `path`: stop when the root mean square of the pixels' standard errors over the mean radiance is at most this.
+    pub target_error: Option<f64>,
     /// Random seed.
     pub seed: u64,
 }
@@ -202,6 +214,7 @@ impl Default for Settings {
             candidates: 16,
             directions: 8,
             orders: 4,
+            max_events: 100_000,
             environment_directions: 16,
             camera_step: 0.5,
             gather_step: 1.0,
@@ -210,6 +223,8 @@ impl Default for Settings {
             mask: [0xF0; 4],
             size: [512, 512],
             spp: 8,
+            seconds: None,
+            target_error: None,
             seed: 0,
         }
     }

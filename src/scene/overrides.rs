@@ -1,7 +1,7 @@
 //! The command-line flags that change a scene.
 
 use super::file::{LightTable, RawEndian, RawTable, SceneFile};
-use super::values::{BackgroundValue, ExposureValue, Mask, Rgb, UpAxis, numbers};
+use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis, numbers};
 use super::{Model, Sampling, ToneCurve, presets};
 use crate::volume::{RawLayout, ScalarType};
 use crate::{Error, Result};
@@ -60,9 +60,12 @@ pub struct Overrides {
     /// N: traced directions per voxel and order, 1 to 1024, at most M for top and resample [default: 8]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub directions: Option<u32>,
-    /// K: light scattered 1 to K times [default: 4]
+    /// K: light scattered 1 to K times; 'unlimited' for path only [default: 4]
     #[arg(long, value_name = "K", help_heading = "Method")]
-    pub orders: Option<u32>,
+    pub orders: Option<Orders>,
+    /// Scatterings after which a path of unlimited orders is cut [default: 100000]
+    #[arg(long, value_name = "N", help_heading = "Method")]
+    pub max_events: Option<u32>,
     /// Directions in which a voxel gathers the environment, 1 to 1024 [default: 16]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub environment_directions: Option<u32>,
@@ -81,9 +84,15 @@ pub struct Overrides {
     /// Bits per channel that the proxy keeps: 0 to 8 or eight binary digits, once or as r,g,b,a [default: 11110000]
     #[arg(long, value_name = "MASK", help_heading = "Method")]
     pub mask: Option<Mask>,
-    /// Camera rays per pixel, 1 to 65536 [default: 8]
+    /// Camera rays per pixel, 1 to 65536, path: to 16777216 [default: 8; none with --seconds or --target-error]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub spp: Option<u32>,
+    /// Path: stop after this time
+    #[arg(long, value_name = "SECONDS", help_heading = "Method")]
+    pub seconds: Option<f64>,
+    /// Path: stop when the pixels' standard error (root mean square, over the mean radiance) is at most this
+    #[arg(long, value_name = "ERROR", help_heading = "Method")]
+    pub target_error: Option<f64>,
     /// Random seed [default: 0]
     #[arg(long, value_name = "SEED", help_heading = "Method")]
     pub seed: Option<u64>,
@@ -271,6 +280,7 @@ impl Overrides {
         layer.render.candidates = self.candidates;
         layer.render.directions = self.directions;
         layer.render.orders = self.orders;
+        layer.render.max_events = self.max_events;
         layer.render.environment_directions = self.environment_directions;
         layer.render.camera_step = self.camera_step;
         layer.render.gather_step = self.gather_step;
@@ -279,6 +289,8 @@ impl Overrides {
         layer.render.mask = self.mask;
         layer.render.size = self.size;
         layer.render.spp = self.spp;
+        layer.render.seconds = self.seconds;
+        layer.render.target_error = self.target_error;
         layer.render.seed = self.seed;
         layer.output.exposure = self.exposure;
         layer.output.tone = self.tone;

@@ -2,11 +2,11 @@
 
 use super::camera::{self, Framing};
 use super::file::{CameraTable, RenderTable, TransferTable, ValueScale, VolumeTable};
-use super::file::{EnvironmentTable, LightTable, OpacityConvention, RawEndian, SceneFile};
+use super::file::{EnvironmentTable, LightTable, MAX_SPP, OpacityConvention, RawEndian, SceneFile};
 use super::overrides::Overrides;
 use super::values::Rgb;
-use super::{Background, Camera, Environment, Exposure, LatLong, Light, OpacityUnit, Sampling, Scene, Settings};
-use super::{ToneCurve, TransferFunction, TransferPoint, presets};
+use super::{Background, Camera, Environment, Exposure, LatLong, Light, Model, OpacityUnit, Sampling, Scene, Settings};
+use super::{ToneCurve, TransferFunction, TransferPoint, UNLIMITED, presets};
 use crate::volume::{self, Grid, RawLayout, Volume};
 use crate::{Error, Result};
 use glam::{DAffine3, DVec3, Vec3};
@@ -140,12 +140,14 @@ pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
 fn settings(table: &RenderTable) -> Result<Settings> {
     let default = Settings::default();
     let step = |given: Option<f64>, default: f32| given.map_or(default, |s| s as f32);
+    let stops_itself = table.seconds.is_some() || table.target_error.is_some();
     let settings = Settings {
         model: table.model.unwrap_or(default.model),
         sampling: table.sampling.unwrap_or(default.sampling),
         candidates: table.candidates.unwrap_or(default.candidates),
         directions: table.directions.unwrap_or(default.directions),
-        orders: table.orders.unwrap_or(default.orders),
+        orders: table.orders.map_or(default.orders, |k| k.0),
+        max_events: table.max_events.unwrap_or(default.max_events),
         environment_directions: table.environment_directions.unwrap_or(default.environment_directions),
         camera_step: step(table.camera_step, default.camera_step),
         gather_step: step(table.gather_step, default.gather_step),
@@ -153,7 +155,9 @@ fn settings(table: &RenderTable) -> Result<Settings> {
         defence: step(table.defence, default.defence),
         mask: table.mask.map_or(default.mask, |m| m.0),
         size: table.size.unwrap_or(default.size),
-        spp: table.spp.unwrap_or(default.spp),
+        spp: table.spp.unwrap_or(if stops_itself { MAX_SPP } else { default.spp }),
+        seconds: table.seconds,
+        target_error: table.target_error,
         seed: table.seed.unwrap_or(default.seed),
     };
     let (n, m) = (settings.directions, settings.candidates);
@@ -161,6 +165,25 @@ fn settings(table: &RenderTable) -> Result<Settings> {
         let problem = format!("{n} directions are more than the {m} candidates they are chosen from");
         let cure = format!("raise candidates (--candidates {n}), lower directions, or choose sampling phase");
         return Err(Error::input("scene: field 'render.directions'", problem, cure));
+    }
+    if settings.model != Model::Path {
+        let only_path = |field: &str, problem: &str, cure: &str| {
+            Err(Error::input(format!("scene: field 'render.{field}'"), problem, cure))
+        };
+        if settings.orders == UNLIMITED {
+            return only_path("orders", "only the model path takes unlimited orders", "give a number (--orders 16)");
+        }
+        if settings.spp > 65536 {
+            return only_path("spp", "only the model path takes more than 65536 rays per pixel", "give fewer");
+        }
+        if stops_itself {
+            let field = if settings.seconds.is_some() { "seconds" } else { "target_error" };
+            return only_path(
+                field,
+                "only the model path stops by itself",
+                "leave it out, or render with --model path",
+            );
+        }
     }
     Ok(settings)
 }

@@ -1,8 +1,8 @@
 //! Values that have a notation of their own, the same in scene files and on the command line.
 
-use super::{Background, Exposure};
+use super::{Background, Exposure, UNLIMITED};
 use glam::{DMat3, DVec3, Vec3};
-use serde::Deserialize;
+use serde::{Deserialize, Serializer};
 use std::str::FromStr;
 
 /// A linear RGB triple. Written as one number (grey), three numbers (linear), or "#rrggbb" (sRGB, made linear).
@@ -130,6 +130,52 @@ impl FromStr for ExposureValue {
         }
         let stops = text.parse().map_err(|_| format!("'{text}' is no exposure: write auto or a number of stops"))?;
         Ok(Self(Exposure::Stops(stops)))
+    }
+}
+
+/// Scattering orders as they are written: a number, or "unlimited".
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "OrdersNotation")]
+pub struct Orders(pub u32);
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a number or \"unlimited\"")]
+enum OrdersNotation {
+    Number(u32),
+    Text(String),
+}
+
+impl TryFrom<OrdersNotation> for Orders {
+    type Error = String;
+
+    fn try_from(notation: OrdersNotation) -> Result<Self, String> {
+        match notation {
+            OrdersNotation::Number(orders) => Ok(Self(orders)),
+            OrdersNotation::Text(text) => text.parse(),
+        }
+    }
+}
+
+impl FromStr for Orders {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            UNLIMITED_NAME => Ok(Self(UNLIMITED)),
+            number => number.parse().map(Self).map_err(|_| {
+                format!("'{text}' is no number of orders: write a number of at least 1, or {UNLIMITED_NAME}")
+            }),
+        }
+    }
+}
+
+const UNLIMITED_NAME: &str = "unlimited";
+
+/// Writes orders as they are read.
+pub(super) fn write_orders<S: Serializer>(orders: &u32, serializer: S) -> Result<S::Ok, S::Error> {
+    match *orders {
+        UNLIMITED => serializer.serialize_str(UNLIMITED_NAME),
+        number => serializer.serialize_u32(number),
     }
 }
 
