@@ -258,7 +258,7 @@ fn lights_of_the_ramp_only_where_there_are_none() {
 #[test]
 fn errors_name_line_field_and_cure() {
     let bad = |text: &str, parts: &[&str]| assert_error(parse(text), 1, parts);
-    bad("[render]\n\norders = 'x'", &["folder/test.toml:3", "orders", "expected u32"]);
+    bad("[render]\n\norders = 'x'", &["folder/test.toml:3", "orders", "'x'", "unlimited"]);
     bad("[render]\norder = 3", &["test.toml:2", "unknown field `order`", "orders"]);
     bad("[rendering]", &["test.toml:1", "unknown field `rendering`", "render"]);
     bad("[render]\norders = ", &["test.toml:2", "orders"]);
@@ -312,13 +312,16 @@ fn values_out_of_range_are_refused() {
         ("render", "candidates", &["0", "1025"], "1 to 1024", &["1", "1024"]),
         ("render", "directions", &["0", "1025"], "1 to 1024", &["1", "1024"]),
         ("render", "environment_directions", &["0", "1025"], "1 to 1024", &["1024"]),
-        ("render", "orders", &["0"], "at least 1", &["1", "64"]),
+        ("render", "orders", &["0"], "at least 1", &["1", "64", "'unlimited'"]),
+        ("render", "max_events", &["0"], "at least 1", &["1"]),
+        ("render", "seconds", &["0", "nan"], "greater than 0", &["0.5"]),
+        ("render", "target_error", &["-1", "inf"], "greater than 0", &["0.01"]),
         ("render", "camera_step", &["0.09", "8.1", "nan"], "0.1 to 8", &["0.1", "8"]),
         ("render", "gather_step", &["0"], "0.1 to 8", &["8"]),
         ("render", "proxy_step", &["inf"], "0.1 to 8", &["8"]),
         ("render", "defence", &["0", "1.1", "nan"], "at most 1", &["1", "0.001"]),
         ("render", "size", &["[0, 1]", "[1, 16385]"], "1 to 16384", &["[1, 1]", "[16384, 1]"]),
-        ("render", "spp", &["0", "65537"], "1 to 65536", &["65536"]),
+        ("render", "spp", &["0", "16777217"], "1 to 16777216", &["16777216"]),
         ("output", "exposure", &["nan", "101"], "-100 to 100", &["-100"]),
     ];
     for (table, field, refused, cure, accepted) in cases {
@@ -378,6 +381,15 @@ fn what_does_not_fit_together_is_refused() {
     bad("render = { directions = 17, sampling = 'top' }", &["render.directions"]);
     scene_of("render = { directions = 17, sampling = 'phase' }", &[]).unwrap();
     scene_of("render = { directions = 16 }", &[]).unwrap();
+    for (setting, part) in [
+        ("orders = 'unlimited'", "only the model path"),
+        ("spp = 65537", "65536"),
+        ("seconds = 1", "only the model path"),
+        ("target_error = 0.1", "only the model path"),
+    ] {
+        bad(&format!("[render]\n{setting}"), &["render.", part]);
+        scene_of(&format!("[render]\nmodel = 'path'\n{setting}"), &[]).unwrap();
+    }
     bad("camera.look_at = [0, 0, 0]", &["'camera'", "no 'position'"]);
     bad("camera.position = [2, 16, -1]", &["line of sight", "camera.look_at"]);
     bad("[[light]]\nrelative_position = [0, 0, 0]\nirradiance = 1", &["light.0", "'intensity' instead"]);
@@ -437,6 +449,7 @@ fn help_states_the_true_defaults() {
         ("proxy-step", default.proxy_step.to_string()),
         ("defence", default.defence.to_string()),
         ("mask", mask),
+        ("max-events", default.max_events.to_string()),
         ("spp", default.spp.to_string()),
         ("seed", default.seed.to_string()),
         ("size", format!("{}x{}", default.size[0], default.size[1])),

@@ -3,6 +3,7 @@
 use super::{Background, Exposure, UNLIMITED};
 use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serializer};
+use std::fmt;
 use std::str::FromStr;
 
 /// A linear RGB triple. Written as one number (grey), three numbers (linear), or "#rrggbb" (sRGB, made linear).
@@ -134,7 +135,7 @@ impl FromStr for ExposureValue {
 }
 
 /// Scattering orders as they are written: a number, or "unlimited".
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "OrdersNotation")]
 pub struct Orders(pub u32);
 
@@ -170,6 +171,13 @@ impl FromStr for Orders {
 }
 
 const UNLIMITED_NAME: &str = "unlimited";
+
+/// As it is written.
+impl fmt::Debug for Orders {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0 == UNLIMITED { f.write_str(UNLIMITED_NAME) } else { write!(f, "{}", self.0) }
+    }
+}
 
 /// Writes orders as they are read.
 pub(super) fn write_orders<S: Serializer>(orders: &u32, serializer: S) -> Result<S::Ok, S::Error> {
