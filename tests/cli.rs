@@ -1,8 +1,12 @@
 //! The command line as a user meets it: exit codes, messages, and no file left behind by a run that failed.
 
+#[path = "common/place.rs"]
+mod place;
+
+use place::{Place, text};
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 
 use tyndall::output::{self, BitDepth, Picture, PngOptions};
 use tyndall::scene::{Exposure, ToneCurve};
@@ -10,69 +14,7 @@ use tyndall::scene::{Exposure, ToneCurve};
 /// A built-in volume that is quick to make.
 const PHANTOM: &str = "phantom:cloud:24x20x16";
 
-/// A directory of its own, in which the binary runs.
-struct Place(tempfile::TempDir);
-
 impl Place {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
-        fs::write(self.path(name), content).unwrap();
-    }
-
-    /// Names and contents of all files.
-    fn files(&self) -> Vec<(String, Vec<u8>)> {
-        let read = |e: fs::DirEntry| (e.file_name().into_string().unwrap(), fs::read(e.path()).unwrap_or_default());
-        let mut files: Vec<_> = fs::read_dir(self.0.path()).unwrap().map(|e| read(e.unwrap())).collect();
-        files.sort();
-        files
-    }
-
-    fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_tyndall"));
-        command.args(args).current_dir(self.0.path());
-        command
-    }
-
-    fn run(&self, args: &[&str]) -> Output {
-        self.command(args).output().unwrap()
-    }
-
-    /// Runs and checks success; returns stdout.
-    fn succeeds(&self, args: &[&str]) -> String {
-        let output = self.run(args);
-        assert!(output.status.success(), "{args:?}: {}", text(&output.stderr));
-        text(&output.stdout)
-    }
-
-    /// Runs and checks a failure with this exit code: a message with all the parts on stderr, nothing on stdout, no
-    /// panic, no file made or changed.
-    fn fails(&self, args: &[&str], code: i32, parts: &[&str]) {
-        let command = self.command(args);
-        self.fails_as(command, code, parts);
-    }
-
-    fn fails_as(&self, mut command: Command, code: i32, parts: &[&str]) {
-        let before = self.files();
-        let output = command.output().unwrap();
-        let stderr = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{command:?}: {stderr}");
-        for part in parts {
-            assert!(stderr.contains(part), "{command:?}: '{part}' is missing in: {stderr}");
-        }
-        for word in ["panicked", "RUST_BACKTRACE", "unwrap"] {
-            assert!(!stderr.contains(word), "{command:?}: {stderr}");
-        }
-        assert_eq!(text(&output.stdout), "", "{command:?}");
-        assert_eq!(self.files(), before, "{command:?} changed files");
-    }
-
     /// Writes a 4×5×6 u8 volume, `bytes` of whose 120 voxels are there; voxel i has the value i.
     fn write_nrrd(&self, name: &str, sizes: &str, bytes: u8) {
         let header = format!(
@@ -87,10 +29,6 @@ impl Place {
         let picture = Picture::filled(width, 8, [radiance, radiance, radiance, 1.0]);
         output::write_picture(&self.path(name), &picture, &options).unwrap();
     }
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
 }
 
 fn json(text: &str) -> serde_json::Value {

@@ -3,6 +3,7 @@
 pub mod compare;
 pub mod devices;
 pub mod inspect;
+pub mod merge;
 pub mod render;
 
 use crate::Result;
@@ -23,6 +24,7 @@ enum Command {
     Render(Box<render::Args>),
     Inspect(inspect::Args),
     Compare(compare::Args),
+    Merge(merge::Args),
     Devices(devices::Args),
 }
 
@@ -33,6 +35,7 @@ impl Cli {
             Command::Render(args) => render::run(args),
             Command::Inspect(args) => inspect::run(args),
             Command::Compare(args) => compare::run(args),
+            Command::Merge(args) => merge::run(args),
             Command::Devices(args) => devices::run(args),
         }
     }

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{DeviceArgs, name_of, times};
 use crate::output::{self, BitDepth, PngOptions};
-use crate::render::{Progress, render};
+use crate::render::{self, Progress};
 use crate::scene::{self, Model, Sampling, Scene, UNLIMITED};
 use crate::stats::Stats;
 use crate::vk::Context;
@@ -30,6 +30,10 @@ pub struct Args {
     /// Bits per channel of a PNG.
     #[arg(long, value_name = "BITS", default_value = "8", help_heading = "Output")]
     bits: BitDepth,
+
+    /// Path: save the render here as it goes on; if the file exists, go on with it.
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    state: Option<PathBuf>,
 
     /// Write times and figures of the run to a JSON file.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
@@ -54,10 +58,20 @@ pub fn run(args: &Args) -> Result<String> {
         output::check_writable(path)?;
     }
     let scene = scene::load_scene(args.scene.as_deref(), &args.overrides)?;
+    if let Some(path) = &args.state {
+        output::check_writable(path)?;
+        if scene.settings.model != Model::Path {
+            return Err(Error::usage("--state", "only the model path can be saved and resumed", "add --model path"));
+        }
+    }
     let ctx = Context::new(&args.device.config())?;
 
     let bar = progress_bar(args.quiet);
-    let (picture, stats) = render(&ctx, &scene, &mut |progress| show(&bar, &progress))?;
+    let mut progress = |progress: Progress| show(&bar, &progress);
+    let (picture, stats) = match &args.state {
+        Some(path) => render::path::render(&ctx, &scene, Some(path), &mut progress)?,
+        None => render::render(&ctx, &scene, &mut progress)?,
+    };
     bar.finish_and_clear();
 
     // The figures count the messages, so they are written even when validation fails; the picture is not.

@@ -1,6 +1,7 @@
 //! Renders a scene: makes the passes, records every iteration, and keeps the device busy with bounded submissions.
 
 pub mod path;
+pub mod state;
 
 use crate::output::Picture;
 use crate::passes::camera::Camera;
@@ -54,7 +55,7 @@ pub fn render(
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<(Picture, Stats)> {
     if scene.settings.model == Model::Path {
-        return path::render(ctx, scene, progress);
+        return path::render(ctx, scene, None, progress);
     }
     let start = Instant::now();
     let mut renderer = Renderer::new(ctx, scene, Internals::default())?;

@@ -1,5 +1,6 @@
 //! The path tracer as a progressive render: rounds of samples, each whole before the next, and what is known so far.
 
+use super::state::{Header, State};
 use super::{Progress, stopped};
 use crate::Result;
 use crate::output::Picture;
@@ -11,25 +12,52 @@ use crate::shaders::constants;
 use crate::stats::{PathStats, Stats, VolumeStats, pass_stats};
 use crate::vk::{Access, Context, Recorder, TimedPass};
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 
-/// Renders `scene` until one of its settings says stop: `spp`, `seconds`, `target_error`.
+/// Seconds between saves of a render's state: what can be lost.
+const SAVE_SECONDS: f64 = 20.0;
+
+/// Renders `scene` until one of its settings says stop: `spp`, `seconds`, `target_error`. With a `state` file the render
+/// goes on from it if it exists, and is saved to it now and then and at the end.
 ///
-/// Errors: the device cannot hold the scene, or the render was stopped.
+/// Errors: the device cannot hold the scene, the state is of another render or cannot be written, or the render was
+/// stopped.
 pub fn render(
     ctx: &Context,
     scene: &Scene,
+    state: Option<&Path>,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<(Picture, Stats)> {
     let start = Instant::now();
     let s = &scene.settings;
+    let mut header = state.map(|_| Header::new(scene));
+    let saved = match (state, &header) {
+        (Some(path), Some(header)) if path.exists() => Some(State::resume(path, header)?),
+        _ => None,
+    };
     let mut render = PathRender::new(ctx, scene)?;
-    while let Some(round) = render.next_round(s, start.elapsed().as_secs_f64())? {
+    if let Some(saved) = &saved {
+        render.restore(&saved.sums)?;
+    }
+    // The random numbers do not depend on how often a render was interrupted, but its pace does.
+    let begun = render.samples;
+    let mut saved_at = start.elapsed().as_secs_f64();
+    while let Some(round) = render.next_round(s, begun, start.elapsed().as_secs_f64(), state.is_some())? {
         let (begin, count) = (f64::from(render.samples), f64::from(round.samples));
         render.advance(round.samples, &mut |part| {
             let done = (begin + count * part) / round.expected;
             progress(Progress { done, phase: "path tracing" })
         })?;
+        if let (Some(path), Some(header)) = (state, &mut header) {
+            let now = start.elapsed().as_secs_f64();
+            let is_last = render.next_round(s, begun, now, true)?.is_none();
+            if is_last || now - saved_at > SAVE_SECONDS {
+                header.streams[0].samples = render.samples;
+                State { header: header.clone(), sums: render.sums()? }.save(path)?;
+                saved_at = now;
+            }
+        }
     }
     let estimate = render.sums()?.estimate(s.size);
     let stats = render.stats(scene, &estimate, start.elapsed().as_secs_f64() * 1e3);
@@ -175,22 +203,27 @@ impl<'a> PathRender<'a> {
         self.adapts = false;
     }
 
-    /// The samples to take next; `None` when `s` says stop. `elapsed`: seconds since the render began.
+    /// The samples to take next; `None` when `s` says stop. `elapsed`: seconds since the render began or went on, with
+    /// `begun` samples; `is_saved`: rounds must be short enough to save between them.
     ///
     /// Whatever the number of rounds, the samples are the same.
-    fn next_round(&self, s: &Settings, elapsed: f64) -> Result<Option<Round>> {
+    fn next_round(&self, s: &Settings, begun: u32, elapsed: f64, is_saved: bool) -> Result<Option<Round>> {
         /// The error is not believed before.
         const LEAST_SAMPLES: u32 = 16;
         let taken = f64::from(self.samples);
-        let left = f64::from(s.spp - self.samples);
+        let left = f64::from(s.spp.saturating_sub(self.samples));
         let mut expected = f64::from(s.spp);
-        if s.seconds.is_none() && s.target_error.is_none() {
+        if s.seconds.is_none() && s.target_error.is_none() && !is_saved {
             return Ok((left > 0.0).then_some(Round { samples: left as u32, expected }));
         }
         // A first look, then never more than as many again as there are.
         let mut count = left.min(taken.max(4.0));
-        if let (Some(seconds), true) = (s.seconds, self.samples > 0) {
-            let affordable = (seconds - elapsed) * taken / elapsed;
+        let pace = f64::from(self.samples - begun) / elapsed;
+        if pace > 0.0 && is_saved {
+            count = count.min((SAVE_SECONDS * pace).max(1.0).floor());
+        }
+        if let (Some(seconds), true) = (s.seconds, pace > 0.0) {
+            let affordable = (seconds - elapsed) * pace;
             expected = expected.min(taken + affordable.max(0.0));
             // A sample more than half of which fits into the time is taken.
             count = count.min((affordable + 0.5).floor());
@@ -203,6 +236,16 @@ impl<'a> PathRender<'a> {
             count = count.min(needed.max(least).ceil());
         }
         Ok((count >= 1.0).then_some(Round { samples: count as u32, expected }))
+    }
+
+    /// Goes on from saved sums of the same scene and seed.
+    fn restore(&mut self, sums: &Sums) -> Result<()> {
+        let arrays = sums.value.iter().chain(&sums.square);
+        for (image, pixels) in self.tracer.sums.iter().zip(arrays) {
+            self.ctx.upload_image(image, |_| pixels.clone())?;
+        }
+        self.samples = sums.samples;
+        Ok(())
     }
 
     /// Samples of every pixel so far.
