@@ -178,7 +178,7 @@ fn target_error_is_met() {
         let mut deviations = Vec::new();
         for seed in 0..8 {
             scene.settings.seed = seed;
-            let (picture, stats) = render::path::render(ctx, &scene, &mut |_| ControlFlow::Continue(())).unwrap();
+            let (picture, stats) = render::path::render(ctx, &scene, None, &mut |_| ControlFlow::Continue(())).unwrap();
             let path = stats.path.unwrap();
             assert!(path.noise <= 0.05 && path.noise > 0.03 && path.samples < 4000, "{path:?}");
             let mean = path.mean[0];
