@@ -93,6 +93,7 @@ void main() {
     ray.origin += ray.direction * ray.begin;
     ray.end -= ray.begin;
     float through = 1.0;
+    float depth = 0.0;
     vec3 radiance = vec3(0.0);
     float t = 0.0;
     // The first step is shortened at random: steps of one length everywhere show as bands.
@@ -107,34 +108,37 @@ void main() {
         float passed = exp(-tau);
         radiance += f.rgb * (through * scale * mean_transmittance(tau, passed));
         through *= passed;
+        depth += tau;
         t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
         stride = ray.dt;
     }
     radiance /= scene.radiance_scale;
-    if (LIT && through < 1.0) {
+    // Not 1 − `through`, which forgets thin media.
+    float opacity = opacity_of_depth(depth);
+    if (LIT && depth > 0.0) {
         // The same march again, up to the depth at which the eye has seen the share `u` of what it sees of the medium.
         float u = fract((float(sample_index) + random_float(key, 3u)) / float(samples));
-        float target = 1.0 - u * (1.0 - through);
-        float passed_before = 1.0;
+        float target = optical_depth_of_opacity(u * opacity);
+        float before = 0.0;
         float at = 0.0;
         t = 0.0;
         stride = start * ray.dt;
-        while (t < ray.end && passed_before > target) {
+        while (t < ray.end && before < target) {
             stride = min(stride, ray.end - t);
             vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
             float sigma = textureLod(total, p / vec3(scene.dims), 0.0).a * scene.max_extinction;
-            float after = passed_before * exp(-sigma * stride);
-            // Where the transmittance meets the target within the step.
-            at = t + (after <= target && sigma > 0.0 ? min(stride, log(passed_before / target) / sigma) : stride);
-            passed_before = after;
+            float after = before + sigma * stride;
+            // Where the depth meets the target within the step.
+            at = t + (after >= target && sigma > 0.0 ? min(stride, (target - before) / sigma) : stride);
+            before = after;
             t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
             stride = ray.dt;
         }
-        radiance += lit_radiance(ray.origin + ray.direction * at, -direction, 1.0 - through, key);
+        radiance += lit_radiance(ray.origin + ray.direction * at, -direction, opacity, key);
     }
     float alpha = 1.0;
     if (BACKGROUND == BACKGROUND_TRANSPARENT) {
-        alpha = 1.0 - through;
+        alpha = opacity;
     } else if (BACKGROUND == BACKGROUND_COLOR) {
         radiance += through * scene.background;
     } else if (ENVIRONMENT != ENVIRONMENT_NONE) {

@@ -23,6 +23,11 @@ float mean_transmittance(float tau, float transmitted) {
     return tau > 1e-3 ? (1.0 - transmitted) / tau : 1.0 - 0.5 * tau;
 }
 
+// 1 − e^−τ, by its series where the subtraction would cancel.
+float opacity_of_depth(float tau) {
+    return tau < 0.02 ? tau * (1.0 - tau * (0.5 - tau * (1.0 / 6.0 - tau * (1.0 / 24.0)))) : 1.0 - exp(-tau);
+}
+
 // Below this transmittance a ray ends: at most a thousandth of what lies behind is missed.
 const float LEAST_TRANSMITTANCE = 1e-3;
 

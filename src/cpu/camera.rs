@@ -1,6 +1,6 @@
 //! Twin of `camera.comp`.
 
-use super::classify::{albedo_of, classify};
+use super::classify::{albedo_of, classify, optical_depth_of_opacity};
 use super::delta_lights::light_at;
 use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance, transmittance};
 use super::rng::{random_float, stream_key};
@@ -69,7 +69,7 @@ impl Camera<'_> {
 
         let ray = make_ray(s, index_from_world(s, s.eye.into()), direction, self.step_voxels);
         let first = start * ray.dt;
-        let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
+        let (mut through, mut depth, mut radiance) = (1.0f32, 0.0f32, Vec3::ZERO);
         for Step { p, stride, .. } in ray.steps(first, f32::INFINITY) {
             if through <= LEAST_TRANSMITTANCE {
                 break;
@@ -79,16 +79,18 @@ impl Camera<'_> {
             let tau = f.w * scale;
             radiance += f.truncate() * (through * scale * mean_transmittance(tau));
             through *= (-tau).exp();
+            depth += tau;
         }
         radiance /= s.radiance_scale;
-        if self.lights_per_sample > 0 && through < 1.0 {
+        let opacity = -(-depth).exp_m1();
+        if self.lights_per_sample > 0 && depth > 0.0 {
             // The depth at which the eye has seen the share `u` of what it sees of the medium.
             let u = fract((i + random_float(key, 3)) / n);
-            let p = ray.origin + ray.direction * self.depth_of(ray, first, -(1.0 - u * (1.0 - through)).ln());
-            radiance += self.lit_radiance(p, -direction, sample_index, key) * (1.0 - through);
+            let p = ray.origin + ray.direction * self.depth_of(ray, first, optical_depth_of_opacity(u * opacity));
+            radiance += self.lit_radiance(p, -direction, sample_index, key) * opacity;
         }
         match self.background {
-            Background::Transparent => radiance.extend(1.0 - through),
+            Background::Transparent => radiance.extend(opacity),
             Background::Color(color) => (radiance + through * color).extend(1.0),
             Background::Environment => {
                 (radiance + through * self.scene.environment.environment_radiance(direction)).extend(1.0)
