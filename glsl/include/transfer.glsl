@@ -45,7 +45,10 @@ Material classify(float value) {
     }
     TransferPointData a = transfer[max(low, 1u) - 1u];
     TransferPointData b = transfer[min(low, scene.transfer_points - 1u)];
-    float t = b.value > a.value ? clamp((value - a.value) / (b.value - a.value), 0.0, 1.0) : 0.0;
+    // Halves: the difference of two floats need not be one.
+    precise float along = 0.5 * value - 0.5 * a.value;
+    precise float width = 0.5 * b.value - 0.5 * a.value;
+    float t = width > 0.0 ? clamp(along / width, 0.0, 1.0) : 0.0;
     float opacity = mix(a.opacity, b.opacity, t);
     Material m;
     m.extinction = scene.density_scale
