@@ -1,4 +1,5 @@
-// The scene's numbers, one buffer for all kernels, and the way between voxel indices and positions.
+// The scene's numbers, one buffer for all kernels, and the way between voxel indices and positions. The kernels' world
+// has its origin at the volume's centre.
 // Index space: voxel i covers [i, i+1), its centre is at i + 0.5. Lengths along rays are in world units.
 #ifndef SCENE_GLSL
 #define SCENE_GLSL
@@ -11,7 +12,7 @@ struct SceneParams {
     vec3 world_of_y;
     vec3 world_of_z;
     vec3 world_of_origin;
-    // World to index: columns, and the index position of the world's origin.
+    // World to index: columns, and the index position of that origin.
     vec3 index_of_x;
     vec3 index_of_y;
     vec3 index_of_z;

@@ -3,11 +3,11 @@
 use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::cpu::classify::classify;
 use crate::scene::environment::EnvironmentTable;
-use crate::scene::{Background, Environment, Light, OpacityUnit, Scene};
+use crate::scene::{Background, Environment, Light, Model, OpacityUnit, Scene};
 use crate::shaders::constants;
 use crate::vk::{Buffer, Context, Image, ImageFormat};
 use crate::{Error, Result};
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 
 /// Everything that is uploaded once.
 pub struct SceneData {
@@ -35,6 +35,13 @@ fn f3(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
+/// The origin of positions on the GPU, world: the volume's centre. Single precision would lose a volume that is far from
+/// the world's own origin.
+fn origin(scene: &Scene) -> DVec3 {
+    let grid = &scene.volume.grid;
+    grid.index_to_world.transform_point3(0.5 * DVec3::from(grid.dims.map(f64::from)))
+}
+
 /// The transfer function as the GPU gets it.
 pub fn transfer_points(scene: &Scene) -> Vec<TransferPointData> {
     let points = scene.transfer.points.iter();
@@ -45,12 +52,13 @@ pub fn transfer_points(scene: &Scene) -> Vec<TransferPointData> {
 
 /// The delta lights as the GPU gets them.
 pub fn lights(scene: &Scene) -> Vec<LightData> {
+    let origin = origin(scene);
     let data = |light: &Light| match light {
         Light::Directional { direction, irradiance } => {
             LightData { vector: f3(*direction), is_point: 0, power: irradiance.to_array() }
         }
         Light::Point { position, intensity } => {
-            LightData { vector: f3(*position), is_point: 1, power: intensity.to_array() }
+            LightData { vector: f3(*position - origin), is_point: 1, power: intensity.to_array() }
         }
     };
     scene.lights.iter().map(data).collect()
@@ -76,10 +84,33 @@ fn arrival_bound(scene: &Scene, emitted: f32) -> f64 {
     lights + environment + f64::from(emitted)
 }
 
+/// Radiance below which its scale grows no more: that is near the end of single precision.
+const LEAST_BOUND: f64 = 1e-33;
+
+/// Largest radiance that the model stores. `emitted`: the medium's largest.
+fn radiance_bound(scene: &Scene, emitted: f32) -> f64 {
+    let arriving = arrival_bound(scene, emitted);
+    // Towards the eye the phase function can exceed its mean by this factor.
+    let g = f64::from(scene.g.abs());
+    let peak = (1.0 + g) / (1.0 - g).powi(2);
+    match scene.settings.model {
+        // The transfer function's colours.
+        Model::Absorption => 1.0,
+        // Local shading is colour times light, without the mean over directions.
+        Model::Phong | Model::Single | Model::Multiple => arriving * peak.max(4.0 * std::f64::consts::PI),
+        // Sums of whole samples, in single precision.
+        Model::Path => match scene.background {
+            Background::Color(color) => arriving * peak + f64::from(color.max_element()),
+            _ => arriving * peak,
+        },
+    }
+}
+
 /// The scene's numbers. `max_extinction` and `radiance_scale` follow from the data.
 pub fn params(scene: &Scene) -> SceneParams {
     let grid = &scene.volume.grid;
-    let to_world = grid.index_to_world;
+    let origin = origin(scene);
+    let to_world = DAffine3::from_translation(-origin) * grid.index_to_world;
     let to_index = to_world.inverse();
     let camera = &scene.camera;
     let half_height = (camera.fov_degrees.to_radians() / 2.0).tan();
@@ -100,7 +131,7 @@ pub fn params(scene: &Scene) -> SceneParams {
         index_of_origin: f3(to_index.translation),
         dims: grid.dims,
         transfer_points: scene.transfer.points.len() as u32,
-        eye: f3(camera.position),
+        eye: f3(camera.position - origin),
         forward: f3(camera.forward),
         right: f3(camera.right * half_width),
         up: f3(camera.up * half_height),
@@ -139,12 +170,8 @@ pub fn params(scene: &Scene) -> SceneParams {
     if most > 0.0 {
         params.max_extinction = most;
     }
-    // Towards the eye the phase function can exceed its mean by this factor.
-    let g = f64::from(scene.g.abs());
-    let peak = (1.0 + g) / (1.0 - g).powi(2);
-    // Local models store colour times light, without the mean over directions.
-    let bound = arrival_bound(scene, emitted) * peak.max(4.0 * std::f64::consts::PI) + 1.0;
-    // Half of the range is left free for what interpolation and accumulation round up.
+    // Half of the range is left free for what interpolation and accumulation round up. Darkness needs no scale.
+    let bound = radiance_bound(scene, emitted).max(LEAST_BOUND);
     params.radiance_scale = (f64::from(constants::MAX_HALF) / (2.0 * bound)) as f32;
     params
 }
@@ -156,7 +183,7 @@ impl SceneData {
     pub fn new(ctx: &Context, scene: &Scene) -> Result<Self> {
         let mut params = params(scene);
         let points = transfer_points(scene);
-        if !(params.max_extinction.is_finite() && params.radiance_scale > 0.0 && params.radiance_scale.is_finite()) {
+        if !(params.max_extinction.is_finite() && params.radiance_scale.is_normal()) {
             return Err(Error::input(
                 "scene",
                 "extinctions or lights are beyond the range of 32-bit floats",
