@@ -12,6 +12,18 @@ pub struct CanaryPush {
     pub shift: u32,
 }
 
+/// `phase_probe.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct PhaseProbePush {
+    /// Unit vector of propagation before scattering.
+    pub before: [f32; 3],
+    /// Mean cosine.
+    pub g: f32,
+    /// Cosines, and pairs of random numbers.
+    pub count: u32,
+}
+
 /// `dispatch_args.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

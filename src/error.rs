@@ -90,6 +90,16 @@ pub enum Error {
         /// Text of the first.
         first: String,
     },
+    /// Checks of `tyndall verify` failed.
+    #[error(
+        "{failed} of {count} checks failed on this device\n  cure: see the lines marked FAILED; try another driver version or device (--device), and report them if they stay"
+    )]
+    Checks {
+        /// Checks that failed.
+        failed: usize,
+        /// All checks.
+        count: usize,
+    },
     /// A GPU pass found that its result cannot be trusted.
     #[error("pass '{pass}' reported a failure on the device: {problem}")]
     Device {

@@ -11,6 +11,7 @@ pub mod render;
 pub mod scene;
 pub mod shaders;
 pub mod stats;
+pub mod verify;
 pub mod vk;
 pub mod volume;
 

@@ -120,6 +120,14 @@ pub struct ValidationStats {
     pub warnings: u64,
 }
 
+impl DeviceStats {
+    /// The device of `ctx`.
+    pub fn of(ctx: &Context) -> Self {
+        let info = ctx.device_info();
+        Self { name: info.name.clone(), driver: info.driver.clone(), subgroup_size: info.subgroup_size }
+    }
+}
+
 impl VolumeStats {
     /// The figures of `volume`, of whose voxels the share `active_fraction` is active.
     pub fn of(volume: &Volume, active_fraction: f64) -> Self {
@@ -157,15 +165,10 @@ impl Stats {
         proxy: Vec<ProxyStats>,
         wall_ms: f64,
     ) -> Self {
-        let info = ctx.device_info();
         let messages = ctx.messages();
         let count = |severity| messages.iter().filter(|m| m.severity == severity).count() as u64;
         Self {
-            device: DeviceStats {
-                name: info.name.clone(),
-                driver: info.driver.clone(),
-                subgroup_size: info.subgroup_size,
-            },
+            device: DeviceStats::of(ctx),
             volume,
             settings: scene.settings.clone(),
             gpu_ms: passes.iter().map(|p| p.ms).sum(),

@@ -34,15 +34,19 @@ void orthonormal(vec3 n, out vec3 a, out vec3 b) {
 
 // A direction after scattering, distributed as phase_hg; `u` in [0, 1).
 vec3 sample_hg(float g, vec3 before, vec2 u) {
-    // 1 ∓ cosine without cancellation, for every g: the inverse distribution function, algebraically rearranged.
-    float d = 1.0 - g + 2.0 * g * u.x;
-    float less = 2.0 * (1.0 - u.x) * (1.0 - g) * (1.0 - g) * (1.0 + g * u.x) / (d * d);
-    float more = 2.0 * u.x * (1.0 + g) * (1.0 + g) * (1.0 - g * (1.0 - u.x)) / (d * d);
-    float cosine = less < more ? 1.0 - less : more - 1.0;
+    // 1 ∓ cosine about the peak without cancellation, for every g: the inverse distribution function, algebraically
+    // rearranged. Backward scattering is forward scattering mirrored.
+    float a = abs(g);
+    float t = g < 0.0 ? 1.0 - u.x : u.x;
+    float d = 1.0 - a + 2.0 * a * t;
+    float less = 2.0 * (1.0 - t) * (1.0 - a) * (1.0 - a) * (1.0 + a * t) / (d * d);
+    float more = 2.0 * t * (1.0 + a) * (1.0 + a) * (1.0 - a + a * t) / (d * d);
+    float towards_peak = less < more ? 1.0 - less : more - 1.0;
+    float cosine = g < 0.0 ? -towards_peak : towards_peak;
     float sine = sqrt(max(0.0, less * more));
     float phi = 2.0 * PI * u.y;
-    vec3 a, b;
-    orthonormal(before, a, b);
-    return normalize(before * cosine + (a * cos(phi) + b * sin(phi)) * sine);
+    vec3 x, y;
+    orthonormal(before, x, y);
+    return normalize(before * cosine + (x * cos(phi) + y * sin(phi)) * sine);
 }
 #endif

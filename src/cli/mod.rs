@@ -5,6 +5,7 @@ pub mod devices;
 pub mod inspect;
 pub mod merge;
 pub mod render;
+pub mod verify;
 
 use crate::Result;
 use crate::vk::{ContextConfig, Validation};
@@ -25,6 +26,7 @@ enum Command {
     Inspect(inspect::Args),
     Compare(compare::Args),
     Merge(merge::Args),
+    Verify(verify::Args),
     Devices(devices::Args),
 }
 
@@ -36,6 +38,7 @@ impl Cli {
             Command::Inspect(args) => inspect::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Merge(args) => merge::run(args),
+            Command::Verify(args) => verify::run(args),
             Command::Devices(args) => devices::run(args),
         }
     }

@@ -95,7 +95,7 @@ pub fn run(args: &Args) -> Result<String> {
 const BAR_STEPS: u64 = 1000;
 
 /// A bar on stderr; hidden where stderr is not a terminal.
-fn progress_bar(quiet: bool) -> ProgressBar {
+pub(super) fn progress_bar(quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }
@@ -105,7 +105,8 @@ fn progress_bar(quiet: bool) -> ProgressBar {
     ProgressBar::new(BAR_STEPS).with_style(style)
 }
 
-fn show(bar: &ProgressBar, progress: &Progress) -> ControlFlow<()> {
+/// Moves the bar.
+pub(super) fn show(bar: &ProgressBar, progress: &Progress) -> ControlFlow<()> {
     bar.set_message(progress.phase);
     bar.set_position((progress.done * BAR_STEPS as f64) as u64);
     ControlFlow::Continue(())

@@ -27,19 +27,22 @@ pub fn phase_hg(g: f32, cosine: f32) -> f32 {
 
 /// A direction after scattering, distributed as [`phase_hg`].
 pub fn sample_hg(g: f32, before: Vec3, u: [f32; 2]) -> Vec3 {
-    let d = 1.0 - g + 2.0 * g * u[0];
-    let less = 2.0 * (1.0 - u[0]) * (1.0 - g) * (1.0 - g) * (1.0 + g * u[0]) / (d * d);
-    let more = 2.0 * u[0] * (1.0 + g) * (1.0 + g) * (1.0 - g * (1.0 - u[0])) / (d * d);
-    let cosine = if less < more { 1.0 - less } else { more - 1.0 };
+    let a = g.abs();
+    let t = if g < 0.0 { 1.0 - u[0] } else { u[0] };
+    let d = 1.0 - a + 2.0 * a * t;
+    let less = 2.0 * (1.0 - t) * (1.0 - a) * (1.0 - a) * (1.0 + a * t) / (d * d);
+    let more = 2.0 * t * (1.0 + a) * (1.0 + a) * (1.0 - a + a * t) / (d * d);
+    let towards_peak = if less < more { 1.0 - less } else { more - 1.0 };
+    let cosine = if g < 0.0 { -towards_peak } else { towards_peak };
     let sine = (less * more).max(0.0).sqrt();
     let phi = 2.0 * PI * u[1];
     // Duff et al. 2017.
     let s = if before.z < 0.0 { -1.0 } else { 1.0 };
     let c = -1.0 / (s + before.z);
     let e = before.x * before.y * c;
-    let a = Vec3::new(1.0 + s * before.x * before.x * c, s * e, -s * before.x);
-    let b = Vec3::new(e, s + before.y * before.y * c, -before.y);
-    (before * cosine + (a * phi.cos() + b * phi.sin()) * sine).normalize()
+    let x = Vec3::new(1.0 + s * before.x * before.x * c, s * e, -s * before.x);
+    let y = Vec3::new(e, s + before.y * before.y * c, -before.y);
+    (before * cosine + (x * phi.cos() + y * phi.sin()) * sine).normalize()
 }
 
 #[cfg(test)]

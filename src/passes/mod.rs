@@ -9,6 +9,7 @@ pub mod contribute;
 pub mod gather;
 pub mod lookback;
 pub mod path;
+pub mod phase_probe;
 pub mod phong;
 pub mod proxy;
 pub mod radix_sort;
