@@ -63,7 +63,7 @@ pub fn homogeneous(grid: Grid, extinction: f64, albedo: Vec3) -> Scene {
     }
 }
 
-/// The cube [0,1]³ in `n`³ voxels.
+/// The unit cube between the origin and (1, 1, 1), in `n`³ voxels.
 pub fn unit_cube(n: u32) -> Grid {
     let spacing = 1.0 / f64::from(n);
     Grid::axis_aligned([n; 3], [spacing; 3], [spacing / 2.0; 3])

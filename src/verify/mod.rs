@@ -1,6 +1,6 @@
 //! Checks of a device against known numbers: closed forms, reference values, exact integers. `tyndall verify` runs them.
 //!
-//! Every check states what it tolerates and why. Monte Carlo results are allowed [`SIGMAS`] of their own standard errors.
+//! Every check states what it tolerates and why. Monte Carlo results are allowed four of their own standard errors.
 
 pub mod bodies;
 mod furnace;

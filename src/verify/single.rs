@@ -25,7 +25,7 @@ pub fn slab_radiance(tau: f64, g: f64, is_reflected: bool, mu: f64, mu0: f64, ph
     }
 }
 
-/// Distance from a point to the faces of the cube [0,1]³ along `direction`: to the first that the ray enters through,
+/// Distances from a point to the faces of the unit cube along `direction`: to the first that the ray enters through,
 /// and to the last that it leaves through.
 fn crossing(origin: DVec3, direction: DVec3) -> (f64, f64) {
     let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
@@ -38,7 +38,7 @@ fn crossing(origin: DVec3, direction: DVec3) -> (f64, f64) {
     (enter, leave)
 }
 
-/// Radiance of order 1 per albedo along a ray through the cube [0,1]³ under a beam of irradiance 1: the integral over
+/// Radiance of order 1 per albedo along a ray through [`unit_cube`] under a beam of irradiance 1: the integral over
 /// the ray, by the midpoint rule in double precision.
 pub fn box_radiance(extinction: f64, g: f64, travel: [f64; 3], origin: [f64; 3], direction: [f64; 3]) -> f64 {
     const STEPS: u32 = 100_000;
