@@ -162,7 +162,7 @@ impl Report {
     }
 }
 
-/// Runs the checks of `groups`. `progress` is called after each check.
+/// Runs the checks of `groups`. `progress` is called before each of them.
 ///
 /// Errors: the device cannot hold a scene, or fails.
 pub fn run(ctx: &Context, seed: u64, groups: &[Group], progress: &mut dyn FnMut(Progress)) -> Result<Report> {
