@@ -65,6 +65,16 @@ fn time_limits_save_what_there_is() {
     assert!(State::load(&place.path("timed.state")).unwrap().sums.samples > first);
 }
 
+/// However many samples there are already, the time limit is looked at after a few more.
+#[test]
+fn a_resumed_render_keeps_to_its_time() {
+    let place = Place::new();
+    save(&place, "a", 7, 64);
+    let all_out = ["--seed", "7", "--seconds", "1e-6", "--state", "a.state", "-o", "a.exr"];
+    place.succeeds(&render(&all_out));
+    assert_eq!(State::load(&place.path("a.state")).unwrap().sums.samples, 68);
+}
+
 #[test]
 fn merged_renders_are_the_mean_of_all_samples() {
     let place = Place::new();

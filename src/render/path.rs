@@ -216,9 +216,10 @@ impl<'a> PathRender<'a> {
         if s.seconds.is_none() && s.target_error.is_none() && !is_saved {
             return Ok((left > 0.0).then_some(Round { samples: left as u32, expected }));
         }
-        // A first look, then never more than as many again as there are.
-        let mut count = left.min(taken.max(4.0));
-        let pace = f64::from(self.samples - begun) / elapsed;
+        // A first look, then never more than as many again as this run has taken.
+        let own = f64::from(self.samples - begun);
+        let mut count = left.min(own.max(4.0));
+        let pace = own / elapsed;
         if pace > 0.0 && is_saved {
             count = count.min((SAVE_SECONDS * pace).max(1.0).floor());
         }
