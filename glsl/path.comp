@@ -220,9 +220,7 @@ bool scatter(ivec3 voxel) {
         after = sample_hg(scene.g, travelled, u.xy);
         path.density = phase_hg(scene.g, dot(travelled, after));
     } else {
-        float z = 1.0 - 2.0 * u.x;
-        float r = sqrt(max(0.0, 1.0 - z * z));
-        after = vec3(r * cos(2.0 * PI * u.y), r * sin(2.0 * PI * u.y), z);
+        after = sphere_direction(u.x, u.y);
         path.density = 1.0 / (4.0 * PI);
     }
     set_out(PATH_FLIGHT, after);

@@ -11,7 +11,7 @@ mod data;
 #[path = "common/transport.rs"]
 mod transport;
 
-use bodies::{random_values, scene_of};
+use bodies::{random_values, turn_scene};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::ops::ControlFlow;
 use transport::{
@@ -20,7 +20,7 @@ use transport::{
 use tyndall::output::Picture;
 use tyndall::render::{Internals, Renderer};
 use tyndall::scene::camera::look_at;
-use tyndall::scene::{Background, Camera, Environment, Light, Model, Sampling, Scene};
+use tyndall::scene::{Background, Environment, Light, Model, Sampling, Scene};
 use tyndall::verify::single::box_radiance;
 use tyndall::vk::{Context, Validation};
 use tyndall::volume::{Grid, VoxelData};
@@ -276,13 +276,9 @@ fn emission() {
     });
 }
 
-/// A mostly random volume under two lights.
 fn cloud() -> Scene {
-    let grid = Grid::axis_aligned([9, 7, 5], [1.0, 0.8, 1.5], [-4.0, 2.0, 1.0]);
-    let mut scene = scene_of(grid, random_values(12, 9 * 7 * 5));
-    scene.settings.size = [12, 12];
+    let mut scene = bodies::cloud([12, 12]);
     scene.settings.spp = 4;
-    scene.settings.orders = 3;
     scene
 }
 
@@ -350,17 +346,7 @@ fn turning_the_whole_scene_changes_nothing() {
             scene.environment = None;
             let before = render(ctx, &scene);
             let turn = DMat3::from_cols(DVec3::Y, -DVec3::X, DVec3::Z);
-            let grid = &mut scene.volume.grid;
-            grid.index_to_world = DAffine3::from_mat3(turn) * grid.index_to_world;
-            let c = scene.camera;
-            let [position, forward, right, up] = [c.position, c.forward, c.right, c.up].map(|v| turn * v);
-            scene.camera = Camera { position, forward, right, up, fov_degrees: c.fov_degrees };
-            for light in &mut scene.lights {
-                match light {
-                    Light::Directional { direction, .. } => *direction = turn * *direction,
-                    Light::Point { position, .. } => *position = turn * *position,
-                }
-            }
+            turn_scene(&mut scene, turn);
             let after = render(ctx, &scene);
             if model == Model::Multiple {
                 let (a, b) = (mean(&after), mean(&before));

@@ -41,7 +41,7 @@ mod data;
 #[path = "common/transport.rs"]
 mod transport;
 
-use bodies::{random_values, scene_of};
+use bodies::random_values;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
@@ -130,13 +130,9 @@ fn difference(got: &Picture, expected: &Picture, outliers: usize) -> f32 {
     all[all.len() - 1 - outliers]
 }
 
-/// A mostly random volume under a directional light, a point light and a sky, seen from outside.
 fn cloud() -> Scene {
-    let grid = Grid::axis_aligned([9, 7, 5], [1.0, 0.8, 1.5], [-4.0, 2.0, 1.0]);
-    let mut scene = scene_of(grid, random_values(12, 9 * 7 * 5));
-    scene.settings.size = [16, 16];
+    let mut scene = bodies::cloud([16, 16]);
     scene.settings.spp = 4;
-    scene.settings.orders = 3;
     scene.settings.sampling = Sampling::Phase;
     scene
 }

@@ -12,18 +12,17 @@ mod place;
 #[path = "common/transport.rs"]
 mod transport;
 
-use bodies::{random_values, scene_of};
+use bodies::turn_scene;
 use common::is_full;
-use glam::{DAffine3, DMat3, DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use place::{Place, text};
 use std::ops::ControlFlow;
 use transport::mean;
 use tyndall::output::{Picture, read_picture};
 use tyndall::render;
 use tyndall::render::path::{Estimate, PathRender};
-use tyndall::scene::{Background, Camera, Environment, Light, Model, Sampling, Scene};
+use tyndall::scene::{Background, Environment, Light, Model, Sampling, Scene};
 use tyndall::vk::{Context, Validation};
-use tyndall::volume::Grid;
 
 // ---- the device's shape -------------------------------------------------------------------------------------------
 
@@ -130,27 +129,14 @@ const SIZE: u32 = 16;
 const BLOCK: u32 = 4;
 
 fn cloud() -> Scene {
-    let grid = Grid::axis_aligned([9, 7, 5], [1.0, 0.8, 1.5], [-4.0, 2.0, 1.0]);
-    let mut scene = scene_of(grid, random_values(12, 9 * 7 * 5));
-    scene.settings.size = [SIZE; 2];
-    scene.settings.orders = 3;
+    let mut scene = bodies::cloud([SIZE; 2]);
     scene.g = 0.3;
     scene
 }
 
 /// The whole scene turned by `turn`, with the sky about z by `sky_degrees`.
 fn turned(mut scene: Scene, turn: DMat3, sky_degrees: f64) -> Scene {
-    let grid = &mut scene.volume.grid;
-    grid.index_to_world = DAffine3::from_mat3(turn) * grid.index_to_world;
-    let c = scene.camera;
-    let [position, forward, right, up] = [c.position, c.forward, c.right, c.up].map(|v| turn * v);
-    scene.camera = Camera { position, forward, right, up, fov_degrees: c.fov_degrees };
-    for light in &mut scene.lights {
-        match light {
-            Light::Directional { direction, .. } => *direction = turn * *direction,
-            Light::Point { position, .. } => *position = turn * *position,
-        }
-    }
+    turn_scene(&mut scene, turn);
     if let Some(Environment::LatLong(sky)) = &mut scene.environment {
         sky.rotation_degrees += sky_degrees;
     }

@@ -14,9 +14,14 @@ uint stream_key(uint item, uint stream, uint seed_low, uint seed_high) {
     return pcg_hash(item ^ pcg_hash(stream ^ pcg_hash(seed_low ^ pcg_hash(seed_high))));
 }
 
+// In [0, 1), from the word's upper 24 bits.
+float unit_float(uint word) {
+    return float(word >> 8u) * (1.0 / 16777216.0);
+}
+
 // The n-th number of a stream, in [0, 1).
 float random_float(uint key, uint n) {
-    return float(pcg_hash(key + n * 2654435769u) >> 8u) * (1.0 / 16777216.0);
+    return unit_float(pcg_hash(key + n * 2654435769u));
 }
 
 // Four words from four (Jarzynski and Olano 2020, pcg4d): all of the output depends on all of the input.
@@ -32,11 +37,6 @@ uvec4 pcg4d(uvec4 v) {
     v.z += v.x * v.y;
     v.w += v.y * v.z;
     return v;
-}
-
-// In [0, 1), from the word's upper 24 bits.
-float unit_float(uint word) {
-    return float(word >> 8u) * (1.0 / 16777216.0);
 }
 
 vec4 unit_floats(uvec4 words) {

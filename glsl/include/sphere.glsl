@@ -4,15 +4,20 @@
 
 const float PI = 3.14159265358979;
 
+// The direction of two numbers in [0, 1): uniform on the sphere where they are uniform.
+vec3 sphere_direction(float u, float v) {
+    float z = 1.0 - 2.0 * u;
+    float r = sqrt(max(0.0, 1.0 - z * z));
+    float phi = 2.0 * PI * v;
+    return vec3(r * cos(phi), r * sin(phi), z);
+}
+
 // The i-th of n directions, spread evenly (a rank-1 lattice with the golden ratio), shifted by two random numbers in
 // [0, 1) around the torus: each direction for itself is uniform on the sphere, so means over them are unbiased.
 vec3 lattice_direction(uint i, uint n, vec2 shift) {
     float u = fract((float(i) + 0.5) / float(n) + shift.x);
     float v = fract(float(i) * 0.61803398875 + shift.y);
-    float z = 1.0 - 2.0 * u;
-    float r = sqrt(max(0.0, 1.0 - z * z));
-    float phi = 2.0 * PI * v;
-    return vec3(r * cos(phi), r * sin(phi), z);
+    return sphere_direction(u, v);
 }
 
 // Henyey-Greenstein [1/sr]; `cosine` between the propagation directions before and after.

@@ -6,13 +6,12 @@ use super::environment::EnvironmentLight;
 use super::march::make_ray;
 use super::rng::{pcg_hash, pcg4d, unit_float};
 use super::scene::{HostScene, index_from_world, index_from_world_direction, world_from_index};
-use super::sphere::{phase_hg, sample_hg};
+use super::sphere::{phase_hg, sample_hg, sphere_direction};
 use super::texture::Texture;
 use crate::passes::path::PathConfig;
 use crate::scene::Background;
 use crate::shaders::constants::CELL_SIZE;
 use glam::{IVec3, UVec3, Vec2, Vec3, Vec4};
-use std::f32::consts::PI;
 
 /// Relative extinction of every voxel.
 pub fn extinction(scene: &HostScene) -> Texture<f32> {
@@ -144,7 +143,7 @@ impl PathScene<'_> {
                 }
                 throughput /= survival;
             }
-            let after = if s.g != 0.0 { sample_hg(s.g, direction, [u.x, u.y]) } else { uniform([u.x, u.y]) };
+            let after = if s.g != 0.0 { sample_hg(s.g, direction, [u.x, u.y]) } else { sphere_direction(u.x, u.y) };
             density = phase_hg(s.g, direction.dot(after));
             radiance += self.next_event(stream, position, direction, throughput, u.z);
             direction = after;
@@ -289,11 +288,4 @@ impl PathScene<'_> {
             }
         }
     }
-}
-
-fn uniform(u: [f32; 2]) -> Vec3 {
-    let z = 1.0 - 2.0 * u[0];
-    let r = (1.0 - z * z).max(0.0).sqrt();
-    let phi = 2.0 * PI * u[1];
-    Vec3::new(r * phi.cos(), r * phi.sin(), z)
 }

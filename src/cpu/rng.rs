@@ -12,9 +12,14 @@ pub fn stream_key(item: u32, stream: u32, seed_low: u32, seed_high: u32) -> u32 
     pcg_hash(item ^ pcg_hash(stream ^ pcg_hash(seed_low ^ pcg_hash(seed_high))))
 }
 
+/// The n-th word of a stream.
+pub fn random_word(key: u32, n: u32) -> u32 {
+    pcg_hash(key.wrapping_add(n.wrapping_mul(2_654_435_769)))
+}
+
 /// The n-th number of a stream, in [0, 1).
 pub fn random_float(key: u32, n: u32) -> f32 {
-    (pcg_hash(key.wrapping_add(n.wrapping_mul(2_654_435_769))) >> 8) as f32 / 16_777_216.0
+    unit_float(random_word(key, n))
 }
 
 /// Four words from four.

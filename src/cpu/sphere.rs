@@ -8,14 +8,19 @@ pub(super) fn fract(x: f32) -> f32 {
     x - x.floor()
 }
 
-/// The i-th of n directions, spread evenly over the sphere, shifted by two numbers in [0, 1).
-pub fn lattice_direction(i: u32, n: u32, shift: [f32; 2]) -> Vec3 {
-    let u = fract((i as f32 + 0.5) / n as f32 + shift[0]);
-    let v = fract(i as f32 * 0.618_034 + shift[1]);
+/// The direction of two numbers in [0, 1): uniform on the sphere where they are uniform.
+pub fn sphere_direction(u: f32, v: f32) -> Vec3 {
     let z = 1.0 - 2.0 * u;
     let r = (1.0 - z * z).max(0.0).sqrt();
     let phi = 2.0 * PI * v;
     Vec3::new(r * phi.cos(), r * phi.sin(), z)
+}
+
+/// The i-th of n directions, spread evenly over the sphere, shifted by two numbers in [0, 1).
+pub fn lattice_direction(i: u32, n: u32, shift: [f32; 2]) -> Vec3 {
+    let u = fract((i as f32 + 0.5) / n as f32 + shift[0]);
+    let v = fract(i as f32 * 0.618_034 + shift[1]);
+    sphere_direction(u, v)
 }
 
 /// Henyey-Greenstein [1/sr]; `cosine` between the propagation directions before and after.

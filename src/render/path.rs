@@ -10,7 +10,7 @@ use crate::passes::scene_data::SceneData;
 use crate::scene::{Scene, Settings, UNLIMITED};
 use crate::shaders::constants;
 use crate::stats::{PathStats, Stats, VolumeStats, pass_stats};
-use crate::vk::{Access, Context, Recorder, TimedPass};
+use crate::vk::{Context, Recorder, TimedPass};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
@@ -43,20 +43,21 @@ pub fn render(
     // The random numbers do not depend on how often a render was interrupted, but its pace does.
     let begun = render.samples;
     let mut saved_at = start.elapsed().as_secs_f64();
-    while let Some(round) = render.next_round(s, begun, start.elapsed().as_secs_f64(), state.is_some())? {
+    let mut next = render.next_round(s, begun, start.elapsed().as_secs_f64(), state.is_some())?;
+    while let Some(round) = next {
         let (begin, count) = (f64::from(render.samples), f64::from(round.samples));
         render.advance(round.samples, &mut |part| {
             let done = (begin + count * part) / round.expected;
             progress(Progress { done, phase: "path tracing" })
         })?;
-        if let (Some(path), Some(header)) = (state, &mut header) {
-            let now = start.elapsed().as_secs_f64();
-            let is_last = render.next_round(s, begun, now, true)?.is_none();
-            if is_last || now - saved_at > SAVE_SECONDS {
-                header.streams[0].samples = render.samples;
-                State { header: header.clone(), sums: render.sums()? }.save(path)?;
-                saved_at = now;
-            }
+        let now = start.elapsed().as_secs_f64();
+        next = render.next_round(s, begun, now, state.is_some())?;
+        if let (Some(path), Some(header)) = (state, &mut header)
+            && (next.is_none() || now - saved_at > SAVE_SECONDS)
+        {
+            header.streams[0].samples = render.samples;
+            State { header: header.clone(), sums: render.sums()? }.save(path)?;
+            saved_at = now;
         }
     }
     let estimate = render.sums()?.estimate(s.size);
@@ -294,7 +295,6 @@ impl<'a> PathRender<'a> {
                 rec.begin_pass("path", 0);
                 self.tracer.record(&mut rec, &self.data, rows.clone(), samples.clone(), self.budget);
                 rec.end_pass();
-                rec.barrier(Access::ComputeReadWrite, Access::TransferRead);
                 let times = rec.submit_and_wait()?;
                 if self.adapts {
                     self.adapt_budget(times.iter().map(|t| t.ms).sum());

@@ -203,7 +203,7 @@ impl Bench<'_> {
     /// Random words that the seed fixes; `stream` tells uses apart.
     fn words(&self, stream: u32, n: usize) -> impl Iterator<Item = u32> {
         let key = rng::stream_key(0, stream, self.seed as u32, (self.seed >> 32) as u32);
-        (0..n as u32).map(move |i| rng::pcg_hash(key.wrapping_add(i.wrapping_mul(2_654_435_769))))
+        (0..n as u32).map(move |i| rng::random_word(key, i))
     }
 
     /// Mean of a picture by the scene's model, which is not `path`.

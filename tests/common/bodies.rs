@@ -4,7 +4,7 @@
 
 use super::common::validation;
 use super::data::Random;
-use glam::{DMat3, DVec3, Vec3, Vec4};
+use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use half::f16;
 use tyndall::cpu::scene::HostScene;
 use tyndall::cpu::texture::Texture;
@@ -13,8 +13,8 @@ use tyndall::passes::compact::ActiveList;
 use tyndall::passes::scene_data::SceneData;
 use tyndall::scene::camera::{Framing, frame};
 use tyndall::scene::{
-    Background, Environment, Exposure, LatLong, Light, OpacityUnit, Scene, Settings, ToneCurve, TransferFunction,
-    TransferPoint,
+    Background, Camera, Environment, Exposure, LatLong, Light, OpacityUnit, Scene, Settings, ToneCurve,
+    TransferFunction, TransferPoint,
 };
 use tyndall::vk::{Context, Image, ImageFormat, Recorder, Validation};
 use tyndall::volume::{Grid, Volume, VoxelData};
@@ -96,6 +96,30 @@ pub fn scene_of(grid: Grid, values: Vec<f32>) -> Scene {
         exposure: Exposure::Stops(0.0),
         tone: ToneCurve::Linear,
         path: None,
+    }
+}
+
+/// A mostly random volume under a directional light, a point light and a sky, seen from outside, 3 orders.
+pub fn cloud(size: [u32; 2]) -> Scene {
+    let grid = Grid::axis_aligned([9, 7, 5], [1.0, 0.8, 1.5], [-4.0, 2.0, 1.0]);
+    let mut scene = scene_of(grid, random_values(12, 9 * 7 * 5));
+    scene.settings.size = size;
+    scene.settings.orders = 3;
+    scene
+}
+
+/// Turns volume, camera and delta lights. The sky stays.
+pub fn turn_scene(scene: &mut Scene, turn: DMat3) {
+    let grid = &mut scene.volume.grid;
+    grid.index_to_world = DAffine3::from_mat3(turn) * grid.index_to_world;
+    let c = scene.camera;
+    let [position, forward, right, up] = [c.position, c.forward, c.right, c.up].map(|v| turn * v);
+    scene.camera = Camera { position, forward, right, up, fov_degrees: c.fov_degrees };
+    for light in &mut scene.lights {
+        match light {
+            Light::Directional { direction, .. } => *direction = turn * *direction,
+            Light::Point { position, .. } => *position = turn * *position,
+        }
     }
 }
 
