@@ -20,8 +20,15 @@ layout(constant_id = 5) const bool LIT = false;
 // What is behind the medium.
 layout(constant_id = 4) const uint BACKGROUND = BACKGROUND_TRANSPARENT;
 
-// rgb = source towards the eye, a = extinction.
+// The source towards the eye is extinction times rgb, as the projection stores it, plus `emitted`; else rgb itself.
+layout(constant_id = 6) const bool PROJECTED = false;
+// Something in the medium emits.
+layout(constant_id = 7) const bool EMITS = false;
+
+// a = extinction.
 layout(set = 0, binding = 5) uniform sampler3D total;
+// rgb = emitted source.
+layout(set = 0, binding = 8) uniform sampler3D emitted;
 layout(set = 0, binding = 6) uniform sampler3D scalar;
 // Mean over the samples so far, times samples: radiance premultiplied by alpha, and alpha.
 layout(set = 0, binding = 4, rgba32f) uniform image2D picture;
@@ -36,6 +43,8 @@ layout(push_constant, scalar) uniform CameraPush {
     uint light_count;
     uint lights_per_sample;
     float light_step;
+    // Coprime to `samples`.
+    uint depth_stride;
 };
 
 // Albedo at `p` (index space): σ_s and σ_t interpolated, then divided (DESIGN section 1).
@@ -103,21 +112,28 @@ void main() {
         stride = min(stride, ray.end - t);
         vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
         float scale = scene.max_extinction * stride;
-        vec4 f = textureLod(total, p / vec3(scene.dims), 0.0);
+        vec3 uvw = p / vec3(scene.dims);
+        vec4 f = textureLod(total, uvw, 0.0);
         float tau = f.a * scale;
         float passed = exp(-tau);
-        radiance += f.rgb * (through * scale * mean_transmittance(tau, passed));
+        vec3 source = PROJECTED ? f.a * f.rgb : f.rgb;
+        if (EMITS) {
+            source += textureLod(emitted, uvw, 0.0).rgb;
+        }
+        radiance += source * (through * scale * mean_transmittance(tau, passed));
         through *= passed;
         depth += tau;
         t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
         stride = ray.dt;
     }
-    radiance /= scene.radiance_scale;
+    // What is stored overshoots a little beside sharp edges; light is never negative.
+    radiance = max(radiance / scene.radiance_scale, 0.0);
     // Not 1 − `through`, which forgets thin media.
     float opacity = opacity_of_depth(depth);
     if (LIT && depth > 0.0) {
         // The same march again, up to the depth at which the eye has seen the share `u` of what it sees of the medium.
-        float u = fract((float(sample_index) + random_float(key, 3u)) / float(samples));
+        // The samples' shares of the depth are as even as their places along x, but in another order.
+        float u = (float(sample_index * depth_stride % samples) + random_float(key, 3u)) / float(samples);
         float target = optical_depth_of_opacity(u * opacity);
         float before = 0.0;
         float at = 0.0;

@@ -2,15 +2,14 @@
 #extension GL_GOOGLE_include_directive : require
 // Classify: scalar -> extinction and order-0 source (DESIGN section 2, "classify"; pre-classification).
 // Grid: one invocation per voxel, 8 x 8 x 1 workgroups over the volume.
-// `field` gets rgb = emitted source (or, with EMIT_COLOR, the colour as the emission-absorption model emits it),
-// a = extinction, in the units of scene.glsl.
+// `field` gets a = extinction, rgb = nothing, the emitted source, or the colour as the emission-absorption model emits
+// it, in the units of scene.glsl.
 #include "include/scene.glsl"
 #include "include/transfer.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
-// 1: absorption model, the transfer function's colour is the source function. 0: emission by σ_a L_e.
-layout(constant_id = 0) const bool EMIT_COLOR = false;
+layout(constant_id = 0) const uint EMITTED = EMITTED_NOTHING;
 
 layout(set = 0, binding = 2) uniform sampler3D scalar;
 layout(set = 0, binding = 3, rgba16f) writeonly uniform image3D field;
@@ -22,6 +21,11 @@ void main() {
     }
     Material m = classify(texelFetch(scalar, ivec3(voxel), 0).r);
     float extinction = m.extinction / scene.max_extinction;
-    vec3 source = EMIT_COLOR ? m.color : (1.0 - albedo_of(m)) * m.emission;
+    vec3 source = vec3(0.0);
+    if (EMITTED == EMITTED_COLOR) {
+        source = m.color;
+    } else if (EMITTED == EMITTED_EMISSION) {
+        source = (1.0 - albedo_of(m)) * m.emission;
+    }
     imageStore(field, ivec3(voxel), vec4(min(source * extinction * scene.radiance_scale, MAX_HALF), extinction));
 }

@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 // Encode: the 8-bit colour of every active voxel; empty voxels keep colour 0 (first half of DESIGN's "hash" step).
 // Grid: one invocation per voxel of a chunk of the active list.
-#define ACTIVE_BINDING 1
-#include "include/active.glsl"
+#define LIST_BINDING 1
+#include "include/list.glsl"
 #include "include/color_code.glsl"
 
 layout(local_size_x_id = 0) in;
@@ -22,7 +22,7 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    ivec3 voxel = ivec3(voxel_from_linear(active_voxels[chunk_begin + item]));
+    ivec3 voxel = ivec3(voxel_from_linear(list_items[chunk_begin + item]));
     uint code = encode_color(texelFetch(field, voxel, 0), uintBitsToFloat(source_max[0]));
     imageStore(color, voxel, uvec4(code));
 }

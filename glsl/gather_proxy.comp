@@ -1,13 +1,13 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Gather, step 1: the energy that each candidate direction carries, estimated in the proxy with nearest reads and long
-// steps (the paper's section on multiple scattering).
-// Grid: x = voxels of a chunk of the active list, y = blocks of candidates.
-#define ACTIVE_BINDING 3
+// Gather, step 1: the energy that each candidate direction brings to the middle of a cell, estimated in the proxy with
+// nearest reads and long steps (the paper's section on multiple scattering).
+// Grid: x = cells of a chunk of the list, y = blocks of candidates.
+#define LIST_BINDING 3
+#include "include/list.glsl"
 #include "include/march.glsl"
-#include "include/rng.glsl"
+#include "include/cell.glsl"
 #include "include/sphere.glsl"
-#include "include/active.glsl"
 
 layout(local_size_x_id = 0) in;
 
@@ -32,14 +32,14 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    uint index = active_voxels[chunk_begin + item];
-    vec3 position = vec3(voxel_from_linear(index)) + 0.5;
+    uint index = list_items[chunk_begin + item];
+    Cell cell = make_cell(cell_from_linear(index));
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = vec2(random_float(key, 0u), random_float(key, 1u));
     uint begin = gl_WorkGroupID.y * block;
     uint end = min(begin + block, candidates);
     for (uint c = begin; c < end; c++) {
-        Ray ray = make_ray(position, lattice_direction(c, candidates, shift), step_voxels);
+        Ray ray = make_ray(position_of(cell, vec3(0.5)), lattice_direction(c, candidates, shift), step_voxels);
         float through = 1.0;
         float energy = 0.0;
         float t = ray.begin;

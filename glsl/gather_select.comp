@@ -2,11 +2,11 @@
 #extension GL_GOOGLE_include_directive : require
 // Gather, step 2: which candidates are traced, and with what weight (DESIGN section 2, "Choosing directions").
 //   resample: p_i = (1−β) w_i/Σw + β/M, a systematic draw with hits n_i, E n_i = N p_i; weight n_i/(M N p_i).
-//     Grid: x = voxels of the chunk, one each.
-//   top: the N largest, weight 1/N (biased, as in the paper). Grid: x = voxels of the chunk, y = candidates: every
+//     Grid: x = cells of the chunk, one each.
+//   top: the N largest, weight 1/N (biased, as in the paper). Grid: x = cells of the chunk, y = candidates: every
 //     candidate finds its own rank, so that no invocation loops more than M times.
-#define ACTIVE_BINDING 1
-#include "include/active.glsl"
+#define LIST_BINDING 1
+#include "include/list.glsl"
 #include "include/rng.glsl"
 
 layout(local_size_x_id = 0) in;
@@ -53,7 +53,7 @@ void main() {
     for (uint c = 0u; c < candidates; c++) {
         sum += weight_of(c, item);
     }
-    uint index = active_voxels[chunk_begin + item];
+    uint index = list_items[chunk_begin + item];
     float u = random_float(stream_key(index, order, scene.seed_low, scene.seed_high), 2u);
     float m = float(candidates);
     float n = float(directions);

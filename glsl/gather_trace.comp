@@ -1,20 +1,23 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Gather, step 3: the chosen directions are traced in the data, and the light they carry is scattered once more.
-// Grid: one invocation per voxel of a chunk of the active list.
-#define ACTIVE_BINDING 3
-#define NEXT_BINDING 10
-#include "include/transfer.glsl"
+// Gather, step 3: the chosen candidates are traced in the data from the points of the cell, and the light they carry is scattered once more.
+// Grid: one invocation per cell of a chunk of the list.
+#define LIST_BINDING 3
+#define SAMPLES_BINDING 10
+#define SAMPLES_ACCESS writeonly
+#include "include/list.glsl"
 #include "include/march.glsl"
-#include "include/rng.glsl"
-#include "include/active.glsl"
-#include "include/contribute.glsl"
+#include "include/cell_scattering.glsl"
+#include "include/scatter_sample.glsl"
 
 layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const bool ANISOTROPIC = false;
+// The source is σ (A + B·ω), as the projection stores it; else it is σ A itself, as classification stores emission.
+layout(constant_id = 2) const bool PROJECTED = true;
 layout(constant_id = 4) const uint SAMPLING = SAMPLING_PHASE;
 
 layout(set = 0, binding = 5) uniform sampler3D scalar;
-// Source of the order before: A and extinction; B by component for g ≠ 0 (contribute.glsl).
+// Source of the order before: A and extinction; B by component for g ≠ 0 (project_deposit.comp).
 layout(set = 0, binding = 6) uniform sampler3D source_a;
 layout(set = 0, binding = 7) uniform sampler3D source_x;
 layout(set = 0, binding = 8) uniform sampler3D source_y;
@@ -32,8 +35,6 @@ layout(push_constant, scalar) uniform GatherTracePush {
     uint slot_begin;
     uint slot_end;
     uint directions;
-    // The first dispatch to write this order's source.
-    uint first;
     float step_voxels;
 };
 
@@ -48,14 +49,14 @@ vec3 traced_radiance(Ray ray, vec3 towards) {
         vec3 uvw = p / vec3(scene.dims);
         vec4 f = textureLod(source_a, uvw, 0.0);
         vec3 source = f.rgb;
+        // Emission is the same in all directions: the images are empty then.
         if (ANISOTROPIC) {
             source -= textureLod(source_x, uvw, 0.0).rgb * towards.x + textureLod(source_y, uvw, 0.0).rgb * towards.y
                 + textureLod(source_z, uvw, 0.0).rgb * towards.z;
-            source = max(source, 0.0);
         }
-        float scale = scene.max_extinction * stride;
-        float tau = f.a * scale;
+        float tau = f.a * scene.max_extinction * stride;
         float passed = exp(-tau);
+        float scale = PROJECTED ? tau : scene.max_extinction * stride;
         radiance += source * (through * scale * mean_transmittance(tau, passed));
         through *= passed;
         t += steps_ahead(ray, p) * ray.dt;
@@ -68,14 +69,17 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    uint index = active_voxels[chunk_begin + item];
-    ivec3 voxel = ivec3(voxel_from_linear(index));
-    vec3 position = vec3(voxel) + 0.5;
-    vec3 to_eye = direction_to_eye(position);
+    uint index = list_items[chunk_begin + item];
+    Cell cell = make_cell(cell_from_linear(index));
+    CornerScattering scattering = corner_scattering(scalar, cell);
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = vec2(random_float(key, 0u), random_float(key, 1u));
-    Arrived sum = nothing();
+    // Number 2 is gather_select.comp's.
+    uint flip = uint(random_float(key, 3u) * float(CELL_POINTS));
     for (uint slot = slot_begin; slot < slot_end; slot++) {
+        // Points by slot, not by candidate: whatever is chosen, every point gets its share.
+        uint point = point_of_sample(slot, flip);
+        vec3 place = point_place(cell, point);
         uint candidate = slot;
         float weight = 1.0 / float(directions);
         if (SAMPLING != SAMPLING_PHASE) {
@@ -83,14 +87,12 @@ void main() {
             candidate = choice.x;
             weight = uintBitsToFloat(choice.y);
         }
+        vec3 towards = lattice_direction(candidate, lattice, shift);
+        vec3 light = vec3(0.0);
         if (weight > 0.0) {
-            vec3 towards = lattice_direction(candidate, lattice, shift);
-            vec3 radiance = traced_radiance(make_ray(position, towards, step_voxels), towards);
-            arrive(sum, radiance * weight, -towards, to_eye);
+            Ray ray = make_ray(position_of(cell, place), towards, step_voxels);
+            light = traced_radiance(ray, towards) * scattering_at(scattering, upper_weight(cell, place)) * weight;
         }
+        samples[(slot - slot_begin) * chunk_items + item] = ScatterSample(light, -towards, point);
     }
-    Material m = classify(texelFetch(scalar, voxel, 0).r);
-    vec3 albedo = albedo_of(m);
-    float extinction = m.extinction / scene.max_extinction;
-    add_to(voxel, albedo * extinction, sum, extinction, first != 0u);
 }

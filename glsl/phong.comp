@@ -3,10 +3,10 @@
 // Local shading (Levoy 1988 with Blinn's half vector): the transfer function's colour, lit by gradient and lights, as
 // the source that the camera integrates. No shadows, no scattering.
 // Grid: one invocation per voxel of a chunk of the active list.
-#define ACTIVE_BINDING 2
+#define LIST_BINDING 2
 #define LIGHTS_BINDING 4
 #include "include/transfer.glsl"
-#include "include/active.glsl"
+#include "include/list.glsl"
 #include "include/delta_lights.glsl"
 #include "include/sphere.glsl"
 
@@ -42,7 +42,7 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    ivec3 voxel = ivec3(voxel_from_linear(active_voxels[chunk_begin + item]));
+    ivec3 voxel = ivec3(voxel_from_linear(list_items[chunk_begin + item]));
     float here = texelFetch(scalar, voxel, 0).r;
     Material m = classify(here);
     vec3 world = world_from_index(vec3(voxel) + 0.5);

@@ -1,19 +1,18 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Single scattering: the order-1 source of every active voxel from delta lights and the environment, by marching the
-// transmittance to each (DESIGN section 2). The delta lights' part is for the next order only.
-// Grid: one invocation per voxel of a chunk of the active list.
-#define ACTIVE_BINDING 3
+// Single scattering: light of order 1 at the points of every cell from delta lights and the environment, by marching the
+// transmittance to each (DESIGN section 2).
+// Grid: one invocation per cell of a chunk of the list.
+#define LIST_BINDING 3
 #define LIGHTS_BINDING 5
-#define NEXT_BINDING 7
+#define SAMPLES_BINDING 7
+#define SAMPLES_ACCESS writeonly
 #define ENVIRONMENT_BINDING 13
 #define ENVIRONMENT_SAMPLING
-#include "include/scene.glsl"
-#include "include/transfer.glsl"
+#include "include/list.glsl"
 #include "include/march.glsl"
-#include "include/rng.glsl"
-#include "include/active.glsl"
-#include "include/contribute.glsl"
+#include "include/cell_scattering.glsl"
+#include "include/scatter_sample.glsl"
 #include "include/delta_lights.glsl"
 #include "include/environment.glsl"
 
@@ -25,15 +24,13 @@ layout(set = 0, binding = 12) uniform sampler3D scalar;
 layout(push_constant, scalar) uniform SingleScatterPush {
     uint chunk_begin;
     uint chunk_items;
-    // Lights of this dispatch.
+    // Samples of the delta lights in this dispatch: LIGHT_POINTS of each.
     uint light_begin;
     uint light_end;
-    // Environment directions of this dispatch, and of all.
+    // Environment directions in this dispatch, and of all.
     uint environment_begin;
     uint environment_end;
     uint environment_directions;
-    // The first dispatch to write this order's source.
-    uint first;
     float step_voxels;
 };
 
@@ -42,29 +39,35 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    uint index = active_voxels[chunk_begin + item];
-    ivec3 voxel = ivec3(voxel_from_linear(index));
-    vec3 position = vec3(voxel) + 0.5;
-    vec3 world = world_from_index(position);
-    vec3 to_eye = direction_to_eye(position);
-    Material m = classify(texelFetch(scalar, voxel, 0).r);
-
-    Arrived sum = nothing();
-    for (uint l = light_begin; l < light_end; l++) {
-        LightArrival light = light_at(lights[l], world);
+    uint index = list_items[chunk_begin + item];
+    Cell cell = make_cell(cell_from_linear(index));
+    CornerScattering scattering = corner_scattering(scalar, cell);
+    uint key = stream_key(index, 1u, scene.seed_low, scene.seed_high);
+    uint flip = uint(random_float(key, 2u) * float(CELL_POINTS));
+    uint slot = item;
+    for (uint i = light_begin; i < light_end; i++) {
+        uint l = i / LIGHT_POINTS;
+        uint point = point_of_sample(i % LIGHT_POINTS, flip);
+        vec3 place = point_place(cell, point);
+        vec3 position = position_of(cell, place);
+        LightArrival light = light_at(lights[l], world_from_index(position));
         float t = transmittance(field, make_ray(position, -light.travel, step_voxels), light.reach);
-        // The camera adds what the eye sees of delta lights, without the cache's error (camera.comp).
-        arrive_unseen(sum, light.irradiance * (t / (4.0 * PI)), light.travel);
+        float weight = t * scene.radiance_scale / (4.0 * PI * float(LIGHT_POINTS));
+        vec3 scattered = scattering_at(scattering, upper_weight(cell, place)) * light.irradiance * weight;
+        samples[slot] = ScatterSample(scattered, light.travel, point);
+        slot += chunk_items;
     }
     if (ENVIRONMENT != ENVIRONMENT_NONE) {
-        uint key = stream_key(index, 1u, scene.seed_low, scene.seed_high);
         vec2 shift = vec2(random_float(key, 0u), random_float(key, 1u));
         for (uint i = environment_begin; i < environment_end; i++) {
+            uint point = point_of_sample(i, flip);
+            vec3 place = point_place(cell, point);
             EnvironmentSample s = sample_environment(i, environment_directions, shift);
-            float t = transmittance(field, make_ray(position, s.direction, step_voxels), 3.0e38);
-            arrive(sum, s.radiance * (t * s.weight / (4.0 * PI)), -s.direction, to_eye);
+            Ray ray = make_ray(position_of(cell, place), s.direction, step_voxels);
+            float weight = transmittance(field, ray, 3.0e38) * s.weight * scene.radiance_scale / (4.0 * PI);
+            vec3 scattered = scattering_at(scattering, upper_weight(cell, place)) * s.radiance * weight;
+            samples[slot] = ScatterSample(scattered, -s.direction, point);
+            slot += chunk_items;
         }
     }
-    vec3 scattering = albedo_of(m) * (m.extinction / scene.max_extinction) * scene.radiance_scale;
-    add_to(voxel, scattering, sum, m.extinction / scene.max_extinction, first != 0u);
 }

@@ -1,10 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
-// Largest source function S/σ_t of the volume, over all channels: the range of the proxy's colour code.
+// Largest source function A of the volume, over all channels: the range of the proxy's colour code.
 // Grid: one invocation per voxel of a chunk of the active list.
-#define ACTIVE_BINDING 1
-#include "include/active.glsl"
+#define LIST_BINDING 1
+#include "include/list.glsl"
 
 layout(local_size_x_id = 0) in;
 
@@ -21,8 +21,8 @@ void main() {
     uint item = gl_GlobalInvocationID.x;
     float most = 0.0;
     if (item < items_in_chunk(chunk_begin, chunk_items)) {
-        vec4 f = texelFetch(field, ivec3(voxel_from_linear(active_voxels[chunk_begin + item])), 0);
-        most = f.a > 0.0 ? max(f.r, max(f.g, f.b)) / f.a : 0.0;
+        vec4 f = texelFetch(field, ivec3(voxel_from_linear(list_items[chunk_begin + item])), 0);
+        most = f.a > 0.0 ? max(0.0, max(f.r, max(f.g, f.b))) : 0.0;
     }
     most = subgroupMax(most);
     if (subgroupElect()) {

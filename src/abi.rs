@@ -170,9 +170,9 @@ pub struct ChunkArgsPush {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CompactPush {
-    /// First voxel of the range.
+    /// First index of the range.
     pub first: u32,
-    /// Voxels of the range.
+    /// Indices of the range.
     pub count: u32,
 }
 
@@ -188,7 +188,6 @@ pub struct SingleScatterPush {
     pub environment_begin: u32,
     pub environment_end: u32,
     pub environment_directions: u32,
-    pub first: u32,
     pub step_voxels: f32,
 }
 
@@ -288,8 +287,41 @@ pub struct GatherTracePush {
     pub slot_begin: u32,
     pub slot_end: u32,
     pub directions: u32,
-    pub first: u32,
     pub step_voxels: f32,
+}
+
+/// `include/scatter_sample.glsl`: light that a point of a cell scatters.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "scatter_sample.glsl documents the members")]
+pub struct ScatterSample {
+    pub light: [f32; 3],
+    pub travel: [f32; 3],
+    pub point: u32,
+}
+
+/// `project_deposit.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "project_deposit.comp documents the members")]
+pub struct ProjectDepositPush {
+    pub chunk_begin: u32,
+    pub chunk_items: u32,
+    pub slots: u32,
+    pub corner: u32,
+    pub is_seen: u32,
+}
+
+/// `project_solve.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "project_solve.comp documents the members")]
+pub struct ProjectSolvePush {
+    pub chunk_begin: u32,
+    pub chunk_items: u32,
+    pub is_first: u32,
+    pub adds: u32,
+    pub factor: f32,
 }
 
 /// `distance.comp`.
@@ -313,6 +345,7 @@ pub struct CameraPush {
     pub light_count: u32,
     pub lights_per_sample: u32,
     pub light_step: f32,
+    pub depth_stride: u32,
 }
 
 /// `path.comp`: a path under way.

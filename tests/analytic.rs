@@ -135,8 +135,8 @@ fn box_single_scattering() {
     });
 }
 
-/// Order by order: 1 is exact, and the error of the cached later ones (1 to 2 % with voxels of 1/4 of a mean free path)
-/// falls with the voxels' size.
+/// Order by order: 1 is exact, and the error of the stored later ones (below 1 % with voxels of 1/4 of a mean free path)
+/// falls with the voxels' size, down to what noise hides.
 #[test]
 fn slab_orders() {
     gpu_test(|ctx| {
@@ -148,10 +148,12 @@ fn slab_orders() {
             [0, 1, 2, 3].map(|k| orders[k] / SLAB_REFLECTED[k] - 1.0)
         });
         let [coarse, fine] = errors;
+        println!("slab orders: {errors:.4?}");
         assert!(coarse[0].abs() < 2e-3 && fine[0].abs() < 2e-3, "{errors:.4?}");
-        assert!(fine[1..].iter().all(|e| e.abs() < 0.03), "{errors:.4?}");
+        assert!(fine[1..].iter().all(|e| e.abs() < 0.01), "{errors:.4?}");
+        // 0.4 % of noise.
         for k in 1..4 {
-            assert!(fine[k].abs() < 0.6 * coarse[k].abs(), "order {}: {errors:.4?}", k + 1);
+            assert!(fine[k].abs() < 0.004 + 0.6 * coarse[k].abs(), "order {}: {errors:.4?}", k + 1);
         }
         let transmitted = mean(&render(ctx, &voxel_slab(4, 4, false))).x;
         assert_near("transmitted", transmitted, SLAB_TRANSMITTED.iter().sum(), 0.015 * transmitted as f64);
@@ -242,7 +244,8 @@ fn thermal_equilibrium() {
             scene.g = g;
             scene.settings.orders = 6;
             let seen = pencil(ctx, &mut scene, [0.3, -5.0, 0.2], [0.0, 1.0, 0.0]);
-            assert_near(&format!("albedo {albedo}, g {g}"), seen.x, 1.0, 0.01);
+            // For g ≠ 0 light goes from order to order by two moments.
+            assert_near(&format!("albedo {albedo}, g {g}"), seen.x, 1.0, if g == 0.0 { 0.005 } else { 0.02 });
         }
     });
 }
@@ -314,8 +317,9 @@ fn storage_order_is_not_seen() {
             let mut scene = cloud();
             scene.settings.model = model;
             scene.environment = None;
-            // Directions of the gather are drawn per voxel index, so `multiple` would see other noise.
+            // What gathers draw per index is another noise: no light but what the camera sees of delta lights.
             scene.settings.orders = 1;
+            scene.emission_scale = 0.0;
             let before = render(ctx, &scene);
             // New voxel (i, j, k) is the old (8 − k, i, j).
             let old = scene.volume.clone();

@@ -11,7 +11,7 @@ use common::gpu_test;
 use glam::{DVec3, Vec3, Vec4};
 use tyndall::cpu;
 use tyndall::cpu::texture::Texture;
-use tyndall::passes::camera::Camera;
+use tyndall::passes::camera::{Camera, Content};
 use tyndall::scene::camera::{self, look_at};
 use tyndall::scene::{Background, Environment, Light, Model, Scene};
 use tyndall::vk::{Context, Recorder};
@@ -41,19 +41,22 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
     let total = texture(ctx, &total_image);
 
     let is_lit = scene.settings.model == Model::Single;
-    let pass = Camera::new(ctx, &setup.data, scene.background, STEP, samples, is_lit).unwrap();
+    let content = if is_lit { Content::Scattering } else { Content::Local };
+    let pass = Camera::new(ctx, &setup.data, scene.background, STEP, samples, content).unwrap();
     let picture = Camera::picture(ctx, p.size).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
     for sample in 0..samples {
         for begin in (0..p.size[1]).step_by(3) {
             let rows = begin..p.size[1].min(begin + 3);
-            pass.record(&mut rec, &setup.data, &setup.emptiness.image, &total_image, &picture, sample, rows);
+            let (emptiness, emitted) = (&setup.emptiness.image, &setup.field);
+            pass.record(&mut rec, &setup.data, emptiness, &total_image, emitted, &picture, sample, rows);
         }
     }
     rec.submit_and_wait().unwrap();
     let got: Vec<Vec4> = ctx.read_back_image(&picture).unwrap();
     let lights = if is_lit { scene.lights.len().min(8) as u32 } else { 0 };
-    let expected = cpu::camera::camera(&setup.host, scene.background, &total, samples, STEP, lights);
+    let emitted = is_lit.then_some(&field);
+    let expected = cpu::camera::camera(&setup.host, scene.background, &total, emitted, samples, STEP, lights);
     assert_close(name, &got, &expected, ROUNDING, tolerance);
     got
 }

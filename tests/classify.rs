@@ -12,7 +12,8 @@ use data::assert_same;
 use glam::Vec4;
 use tyndall::cpu::texture::Texture;
 use tyndall::cpu::{classify, emptiness};
-use tyndall::passes::classify::Classify;
+use tyndall::passes::classify::{Classify, Emitted};
+use tyndall::passes::compact::Listed;
 use tyndall::scene::{OpacityUnit, Scene};
 use tyndall::vk::{Context, ImageFormat, Recorder};
 use tyndall::volume::Grid;
@@ -25,14 +26,14 @@ const SMALLEST: f32 = 1e-7;
 fn check_field(ctx: &Context, name: &str, scene: &Scene) {
     let setup = Setup::new(ctx, scene);
     let host = &setup.host;
-    for emit_color in [false, true] {
-        let pass = Classify::new(ctx, emit_color).unwrap();
+    for emitted in [Emitted::Nothing, Emitted::Emission, Emitted::Color] {
+        let pass = Classify::new(ctx, emitted).unwrap();
         let field = ctx.image_3d("field", host.params.dims, ImageFormat::Rgba16Float).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         pass.record(&mut rec, &setup.data, &field);
         rec.submit_and_wait().unwrap();
-        let expected = classify::field(&host.params, &host.points, &host.scalar, emit_color);
-        let (got, case) = (texture(ctx, &field), format!("{name}, emit_color {emit_color}"));
+        let expected = classify::field(&host.params, &host.points, &host.scalar, emitted);
+        let (got, case) = (texture(ctx, &field), format!("{name}, {emitted:?}"));
         assert_close(&case, &got.texels, &expected.texels, ROUNDING, SMALLEST);
     }
 }
@@ -75,7 +76,7 @@ fn steps_and_scalars_that_are_no_numbers() {
         let step = alpha[3];
         assert!(step > 0.2 && step < 0.25, "2 of 9: {alpha:?}");
         assert_eq!(alpha, [0.0, 1.0, 0.0, step, 0.0, 0.0]);
-        assert_eq!(setup.active, [1, 3]);
+        assert_eq!(setup.list(ctx, Listed::Voxels).1, [1, 3]);
     });
 }
 

@@ -1,4 +1,4 @@
-//! The list of active voxels against its CPU twin, whole and in segments.
+//! Lists of voxels and cells against their CPU twin, whole and in segments.
 
 #[path = "common/bodies.rs"]
 mod bodies;
@@ -6,44 +6,79 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use bodies::{CHUNK, Setup, random_light, scene_of, scenes, texture};
+use bodies::{CHUNK, Setup, cases, random_light, scene_of, scenes, texture};
 use common::gpu_test;
 use data::assert_same;
 use tyndall::cpu::compact::compact;
-use tyndall::passes::compact::ActiveList;
+use tyndall::passes::compact::{List, Listed, Marks};
 use tyndall::vk::Recorder;
 use tyndall::volume::Grid;
+
+const ALL: [Listed; 3] = [Listed::Cells, Listed::Nodes, Listed::Voxels];
+
+/// Indices that there are.
+fn count(dims: [u32; 3], listed: Listed) -> u32 {
+    dims.map(|d| if listed == Listed::Cells { d + 1 } else { d }).iter().product()
+}
 
 #[test]
 fn lists_agree_with_the_twin() {
     gpu_test(|ctx| {
         for (name, scene) in scenes() {
             let setup = Setup::new(ctx, &scene);
-            let field = texture(ctx, &setup.field);
-            let expected = compact(&setup.host.params, &field, 0, field.texels.len() as u32);
-            assert_same(name, &setup.active, &expected);
+            let (params, field) = (&setup.host.params, texture(ctx, &setup.field));
+            for listed in cases(ALL.to_vec()) {
+                let expected = compact(params, &field, listed, 0, count(params.dims, listed));
+                assert_same(&format!("{name}, {listed:?}"), &setup.list(ctx, listed).1, &expected);
+                if listed == Listed::Voxels {
+                    assert_eq!(setup.marks.active_voxels(ctx).unwrap(), expected.len() as u64, "{name}");
+                }
+            }
         }
     });
 }
 
-/// Segments list ranges of voxels; together they are the whole list, whatever their length and the chunks'.
+/// By hand: one voxel in the middle, one in a corner of the volume.
+#[test]
+fn one_voxel_has_eight_cells_and_twenty_seven_nodes() {
+    gpu_test(|ctx| {
+        let listed = |at: usize| {
+            let mut values = vec![0.0; 5 * 4 * 3];
+            values[at] = 0.9;
+            let grid = Grid::axis_aligned([5, 4, 3], [1.0; 3], [0.0; 3]);
+            let setup = Setup::new(ctx, &scene_of(grid, values));
+            ALL.map(|listed| setup.list(ctx, listed).1.len())
+        };
+        assert_eq!(listed(20 + 2 * 5 + 3), [8, 27, 1]);
+        assert_eq!(listed(0), [8, 8, 1]);
+    });
+}
+
+/// Segments list ranges of indices; together they are the whole list, whatever their length and the chunks'.
 #[test]
 fn segments_and_chunks_leave_nothing_out() {
     gpu_test(|ctx| {
         // Several tiles of the scan.
         let grid = Grid::axis_aligned([29, 23, 31], [1.0; 3], [0.0; 3]);
         let setup = Setup::new(ctx, &scene_of(grid, bodies::random_values(3, 29 * 23 * 31)));
+        let params = &setup.host.params;
         let voxels = 29 * 23 * 31;
-        let expected = compact(&setup.host.params, &texture(ctx, &setup.field), 0, voxels);
-        assert!(expected.len() > 10_000);
-        for (segment, chunk) in [(None, CHUNK), (None, 777), (Some(voxels), 64), (Some(9000), 1000), (Some(4096), 4096)]
-        {
-            let mut list = ActiveList::new(ctx, &setup.data, chunk, segment).unwrap();
+        for (listed, segment, chunk) in [
+            (Listed::Voxels, None, CHUNK),
+            (Listed::Voxels, None, 777),
+            (Listed::Voxels, Some(voxels), 64),
+            (Listed::Voxels, Some(9000), 1000),
+            (Listed::Cells, Some(4096), 4096),
+        ] {
+            let expected = compact(params, &texture(ctx, &setup.field), listed, 0, count(params.dims, listed));
+            assert!(expected.len() > 10_000);
+            let mut list = List::new(ctx, &setup.data, listed, chunk, segment).unwrap();
             let mut rec = Recorder::new(ctx).unwrap();
-            list.record(&mut rec, &setup.data, &setup.field);
+            list.record(&mut rec, &setup.data, &setup.marks);
             rec.submit_and_wait().unwrap();
             assert_eq!(list.read_counts(ctx).unwrap(), expected.len() as u64);
-            let case = format!("segments of {segment:?}, chunks of {chunk}");
+            assert_eq!(list.items(), expected.len() as u64);
+            let case = format!("{listed:?}, segments of {segment:?}, chunks of {chunk}");
             assert_same(&case, &list.read_back(ctx).unwrap(), &expected);
             // The chunks cover every segment's count.
             let covered: u64 = list.chunks().map(|c| u64::from(c.items)).sum();
@@ -62,9 +97,11 @@ fn light_without_extinction_is_not_listed() {
         for (i, texel) in light.texels.iter_mut().enumerate() {
             texel.w = [0.0, 5.96e-8, 1.0][i % 3];
         }
-        let mut list = ActiveList::new(ctx, &setup.data, CHUNK, None).unwrap();
+        let marks = Marks::new(ctx, [5, 4, 3]).unwrap();
+        let mut list = List::new(ctx, &setup.data, Listed::Voxels, CHUNK, None).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
-        list.record(&mut rec, &setup.data, &bodies::image(ctx, "light", &light));
+        marks.record(&mut rec, &setup.data, &bodies::image(ctx, "light", &light), &setup.emptiness);
+        list.record(&mut rec, &setup.data, &marks);
         rec.submit_and_wait().unwrap();
         list.read_counts(ctx).unwrap();
         let expected: Vec<u32> = (0..60).filter(|i| i % 3 != 0).collect();

@@ -12,6 +12,7 @@ use glam::{DMat3, DVec3, Vec3, Vec4};
 use std::f32::consts::PI;
 use tyndall::cpu;
 use tyndall::cpu::texture::Texture;
+use tyndall::passes::compact::Listed;
 use tyndall::passes::phong::Phong;
 use tyndall::scene::{Environment, Light, Scene};
 use tyndall::vk::{Context, Recorder};
@@ -27,14 +28,15 @@ fn check(ctx: &Context, name: &str, scene: &Scene) -> Texture<Vec4> {
     let pass = Phong::new(ctx).unwrap();
     let total = bodies::image(ctx, "total", &Texture::filled(setup.host.params.dims, Vec4::ZERO));
     let mut rec = Recorder::new(ctx).unwrap();
-    let args = setup.list.chunk_args(ctx, &mut rec, 1).unwrap();
-    for chunk in setup.list.chunks() {
+    let (list, active) = setup.list(ctx, Listed::Voxels);
+    let args = list.chunk_args(ctx, &mut rec, 1).unwrap();
+    for chunk in list.chunks() {
         pass.record(&mut rec, &setup.data, &chunk, &args, &total);
     }
     rec.submit_and_wait().unwrap();
     let mut expected = Texture::filled(setup.host.params.dims, Vec4::ZERO);
     let ambient = scene.environment.as_ref().map_or(Vec3::ZERO, Environment::mean_radiance);
-    cpu::phong::phong(&setup.host, &setup.active, ambient, &mut expected);
+    cpu::phong::phong(&setup.host, &active, ambient, &mut expected);
     let got = texture(ctx, &total);
     assert_close(name, &got.texels, &expected.texels, ROUNDING, SMALLEST);
     got

@@ -15,7 +15,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tyndall::abi::SceneParams;
 use tyndall::cpu;
-use tyndall::passes::compact::ActiveList;
+use tyndall::passes::classify::{Classify, Emitted, Emptiness};
+use tyndall::passes::compact::{List, Listed, Marks};
 use tyndall::passes::lookback::Report;
 use tyndall::passes::proxy::{Proxy, ProxyConfig, ProxyContents, mask_word};
 use tyndall::passes::scene_data::SceneData;
@@ -46,7 +47,9 @@ fn scene_of_size(dims: [u32; 3]) -> Scene {
 /// A proxy on the device and the field it is built from.
 struct Bench {
     data: SceneData,
-    list: ActiveList,
+    emptiness: (Classify, Emptiness),
+    marks: Marks,
+    list: List,
     field: Image,
     proxy: Proxy,
 }
@@ -56,7 +59,9 @@ impl Bench {
         let data = SceneData::new(ctx, &scene_of_size(dims)).unwrap();
         Self {
             // Chunks so small that every test has several.
-            list: ActiveList::new(ctx, &data, 1024, None).unwrap(),
+            list: List::new(ctx, &data, Listed::Nodes, 1024, None).unwrap(),
+            marks: Marks::new(ctx, dims).unwrap(),
+            emptiness: (Classify::new(ctx, Emitted::Nothing).unwrap(), Classify::emptiness(ctx, dims).unwrap()),
             field: ctx.image_3d("field", dims, ImageFormat::Rgba16Float).unwrap(),
             proxy: Proxy::new(ctx, &data, config).unwrap(),
             data,
@@ -70,7 +75,10 @@ impl Bench {
         let layers = |z: std::ops::Range<u32>| texels[z.start as usize * layer..z.end as usize * layer].to_vec();
         ctx.upload_image(&self.field, layers).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
-        self.list.record(&mut rec, &self.data, &self.field);
+        let (classify, emptiness) = &self.emptiness;
+        classify.record_emptiness(&mut rec, &self.data, &self.field, emptiness);
+        self.marks.record(&mut rec, &self.data, &self.field, emptiness);
+        self.list.record(&mut rec, &self.data, &self.marks);
         let args = self.list.chunk_args(ctx, &mut rec, 1).unwrap();
         self.proxy.record_clear(&mut rec);
         self.proxy.record(&mut rec, &self.data, &self.list, &args, &self.field, 2);

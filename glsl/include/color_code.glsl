@@ -14,7 +14,7 @@ uint encode_color(vec4 field, float most) {
     if (field.a <= 0.0) {
         return 0u;
     }
-    vec3 source = most > 0.0 ? clamp(field.rgb / (field.a * most), 0.0, 1.0) : vec3(0.0);
+    vec3 source = most > 0.0 ? clamp(field.rgb / most, 0.0, 1.0) : vec3(0.0);
     float opacity = (1.0 - exp(-field.a * scene.max_extinction * scene.mean_spacing)) / max(most_opacity(), 1e-30);
     uvec3 rgb = uvec3(sqrt(source) * 255.0 + 0.5);
     // An active voxel never looks empty.

@@ -45,8 +45,28 @@ const uint RADIX_PASSES = 4u;
 
 // Voxels along the edge of a macrocell.
 const uint CELL_SIZE = 8u;
-// Words of the lists' header: the number of voxels in the list.
+// Word of a list's header: the number of items in the list.
 const uint LIST_COUNT = 0u;
+// LISTED: voxels with extinction.
+const uint LISTED_VOXELS = 0u;
+// LISTED: voxels that are a corner of a cell with extinction.
+const uint LISTED_NODES = 1u;
+// LISTED: cells with extinction.
+const uint LISTED_CELLS = 2u;
+
+// Points of a cell.
+const uint CELL_POINTS = 8u;
+// Stream of the random numbers that place the points.
+const uint CELL_STREAM = 1128614988u;
+// Points of a cell at which each delta light is sampled.
+const uint LIGHT_POINTS = 4u;
+
+// EMITTED: nothing.
+const uint EMITTED_NOTHING = 0u;
+// EMITTED: emission by σ_a L_e.
+const uint EMITTED_EMISSION = 1u;
+// EMITTED: the transfer function's colour is the source function.
+const uint EMITTED_COLOR = 2u;
 
 // Largest distance to an occupied macrocell that rays make use of, in cells.
 const uint MAX_EMPTINESS = 32u;

@@ -7,6 +7,7 @@ use super::rng::{random_float, stream_key};
 use super::scene::{HostScene, index_from_world, world_from_index};
 use super::sphere::{fract, phase_hg};
 use super::texture::Texture;
+use crate::passes::camera::depth_stride;
 use crate::scene::Background;
 use glam::{Vec2, Vec3, Vec4};
 
@@ -14,11 +15,13 @@ use glam::{Vec2, Vec3, Vec4};
 const STREAM: u32 = 0x4341_4D45;
 
 /// The picture, row by row from the top: radiance premultiplied by alpha, and alpha. `lights_per_sample`: how many of
-/// the delta lights a sample visits; 0 where they are not seen.
+/// the delta lights a sample visits; 0 where they are not seen. `emitted`: the emitted source where `total` is projected
+/// light, else `None`.
 pub fn camera(
     scene: &HostScene,
     background: Background,
     total: &Texture<Vec4>,
+    emitted: Option<&Texture<Vec4>>,
     samples: u32,
     step_voxels: f32,
     lights_per_sample: u32,
@@ -29,7 +32,7 @@ pub fn camera(
         (m.extinction * Vec3::from(albedo_of(s, &m))).extend(m.extinction)
     };
     let coefficients = Texture::new(s.dims, scene.scalar.texels.iter().map(coefficients).collect());
-    let camera = Camera { scene, background, total, coefficients, samples, step_voxels, lights_per_sample };
+    let camera = Camera { scene, background, total, emitted, coefficients, samples, step_voxels, lights_per_sample };
     let [width, height] = scene.params.size;
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
     pixels
@@ -44,6 +47,7 @@ struct Camera<'a> {
     scene: &'a HostScene,
     background: Background,
     total: &'a Texture<Vec4>,
+    emitted: Option<&'a Texture<Vec4>>,
     /// σ_s and σ_t of every voxel.
     coefficients: Texture<Vec4>,
     samples: u32,
@@ -77,15 +81,20 @@ impl Camera<'_> {
             let f = self.total.sample(p);
             let scale = s.max_extinction * stride;
             let tau = f.w * scale;
-            radiance += f.truncate() * (through * scale * mean_transmittance(tau));
+            let source = match self.emitted {
+                Some(emitted) => f.w * f.truncate() + emitted.sample(p).truncate(),
+                None => f.truncate(),
+            };
+            radiance += source * (through * scale * mean_transmittance(tau));
             through *= (-tau).exp();
             depth += tau;
         }
-        radiance /= s.radiance_scale;
+        radiance = (radiance / s.radiance_scale).max(Vec3::ZERO);
         let opacity = -(-depth).exp_m1();
         if self.lights_per_sample > 0 && depth > 0.0 {
             // The depth at which the eye has seen the share `u` of what it sees of the medium.
-            let u = fract((i + random_float(key, 3)) / n);
+            let place = sample_index * depth_stride(self.samples) % self.samples;
+            let u = (place as f32 + random_float(key, 3)) / n;
             let p = ray.origin + ray.direction * self.depth_of(ray, first, optical_depth_of_opacity(u * opacity));
             radiance += self.lit_radiance(p, -direction, sample_index, key) * opacity;
         }

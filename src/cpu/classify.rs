@@ -2,6 +2,7 @@
 
 use super::texture::Texture;
 use crate::abi::{SceneParams, TransferPointData};
+use crate::passes::classify::Emitted;
 use crate::shaders::constants::{MAX_HALF, NO_VALUE};
 use glam::{Vec3, Vec4};
 
@@ -53,19 +54,21 @@ pub fn albedo_of(scene: &SceneParams, m: &Material) -> [f32; 3] {
     std::array::from_fn(|c| (m.color[c] * scene.albedo_scale[c]).clamp(0.0, 1.0))
 }
 
-/// What `classify.comp` writes: rgb = emitted source (with `emit_color` the colour as the absorption model emits it),
-/// a = extinction, in the units of the fields.
+/// What `classify.comp` writes: rgb = emitted source, a = extinction, in the units of the fields.
 pub fn field(
     scene: &SceneParams,
     points: &[TransferPointData],
     scalar: &Texture<f32>,
-    emit_color: bool,
+    emitted: Emitted,
 ) -> Texture<Vec4> {
     let texel = |&value: &f32| {
         let m = classify(scene, points, value);
         let extinction = m.extinction / scene.max_extinction;
-        let emitted = (1.0 - Vec3::from(albedo_of(scene, &m))) * Vec3::from(m.emission);
-        let source = if emit_color { Vec3::from(m.color) } else { emitted };
+        let source = match emitted {
+            Emitted::Nothing => Vec3::ZERO,
+            Emitted::Emission => (1.0 - Vec3::from(albedo_of(scene, &m))) * Vec3::from(m.emission),
+            Emitted::Color => Vec3::from(m.color),
+        };
         (source * extinction * scene.radiance_scale).min(Vec3::splat(MAX_HALF)).extend(extinction)
     };
     Texture::new(scene.dims, scalar.texels.iter().map(texel).collect())

@@ -1,13 +1,13 @@
 //! Twins of `gather_proxy.comp`, `gather_select.comp` and `gather_trace.comp`.
 
-use super::classify::{albedo_of, classify};
-use super::contribute::{Arrived, Orders, add_to, arrive};
 use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance};
+use super::project::{Cell, point_of_sample};
 use super::rng::{random_float, stream_key};
-use super::scene::{HostScene, direction_to_eye, voxel_from_linear};
+use super::scene::HostScene;
 use super::sphere::lattice_direction;
 use super::texture::Texture;
-use crate::abi::SceneParams;
+use crate::abi::{ScatterSample, SceneParams};
+use crate::shaders::constants::CELL_POINTS;
 use glam::{Vec2, Vec3, Vec4};
 
 /// A traced candidate and its weight in the estimate.
@@ -19,17 +19,17 @@ pub struct Choice {
     pub weight: f32,
 }
 
-/// Shift of a voxel's lattice of directions.
+/// Shift of a cell's lattice of directions.
 fn lattice_shift(scene: &SceneParams, index: u32, order: u32) -> [f32; 2] {
     let key = stream_key(index, order, scene.seed_low, scene.seed_high);
     [random_float(key, 0), random_float(key, 1)]
 }
 
-/// Energy of every candidate of every listed voxel, estimated with nearest reads of `light`: source function and
-/// extinction as the proxy has them. `weights[voxel in the list][candidate]`.
+/// Energy of every candidate of every listed cell, estimated with nearest reads of `light`: source function and extinction
+/// as the proxy has them. `weights[cell in the list][candidate]`.
 pub fn gather_proxy(
     scene: &SceneParams,
-    active_voxels: &[u32],
+    cells: &[u32],
     light: &Texture<Vec2>,
     order: u32,
     candidates: u32,
@@ -49,12 +49,12 @@ pub fn gather_proxy(
         }
         energy
     };
-    let of_voxel = |&index: &u32| {
-        let position = voxel_from_linear(scene, index).as_vec3() + 0.5;
+    let of_cell = |&index: &u32| {
+        let cell = Cell::from_linear(scene, index);
         let shift = lattice_shift(scene, index, order);
-        (0..candidates).map(|c| energy(position, lattice_direction(c, candidates, shift))).collect()
+        (0..candidates).map(|c| energy(cell.middle(), lattice_direction(c, candidates, shift))).collect()
     };
-    active_voxels.iter().map(of_voxel).collect()
+    cells.iter().map(of_cell).collect()
 }
 
 /// `top`: the N candidates with the largest weights, each with the factor 1/N.
@@ -86,14 +86,20 @@ pub fn select_resample(weights: &[f32], directions: u32, defence: f32, u: f32) -
     chosen
 }
 
-/// The random number of [`select_resample`] for a voxel.
+/// The random number of [`select_resample`] for a cell.
 pub fn select_shift(scene: &SceneParams, index: u32, order: u32) -> f32 {
     random_float(stream_key(index, order, scene.seed_low, scene.seed_high), 2)
 }
 
-/// Radiance that arrives along the ray, against its direction `towards` (unit vector, world). `source`: A and
-/// extinction, then B by component.
-pub fn traced_radiance(scene: &SceneParams, source: &[Texture<Vec4>; 4], ray: Ray, towards: Vec3) -> Vec3 {
+/// Radiance that arrives along the ray, against its direction `towards` (unit vector, world). `source`: A and extinction,
+/// then B by component. `is_projected`: the source is extinction times that, else that itself.
+pub fn traced_radiance(
+    scene: &SceneParams,
+    source: &[Texture<Vec4>; 4],
+    is_projected: bool,
+    ray: Ray,
+    towards: Vec3,
+) -> Vec3 {
     let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
     for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
         if through <= LEAST_TRANSMITTANCE {
@@ -105,44 +111,42 @@ pub fn traced_radiance(scene: &SceneParams, source: &[Texture<Vec4>; 4], ray: Ra
             for axis in 0..3 {
                 light -= source[axis + 1].sample(p).truncate() * towards[axis];
             }
-            light = light.max(Vec3::ZERO);
         }
         let scale = scene.max_extinction * stride;
         let tau = f.w * scale;
-        radiance += light * (through * scale * mean_transmittance(tau));
+        radiance += light * (through * if is_projected { tau } else { scale } * mean_transmittance(tau));
         through *= (-tau).exp();
     }
     radiance
 }
 
-/// Scatters the light of `source` once more at the listed voxels. `chosen` by voxel of the list, out of a lattice of
-/// `lattice` directions. `first`: `orders.next_*` holds nothing of this order yet.
+/// Samples of the light of `source` scattered once more in the listed cells. `chosen` by cell of the list, out of a lattice
+/// of `lattice` directions.
 #[allow(clippy::too_many_arguments, reason = "the kernel's arguments")]
 pub fn gather_trace(
     scene: &HostScene,
-    active_voxels: &[u32],
+    cells: &[u32],
     source: &[Texture<Vec4>; 4],
+    is_projected: bool,
     chosen: &[Vec<Choice>],
     order: u32,
     lattice: u32,
-    first: bool,
     step_voxels: f32,
-    orders: &mut Orders,
-) {
+) -> Vec<Vec<ScatterSample>> {
     let s = &scene.params;
-    for (&index, choices) in active_voxels.iter().zip(chosen) {
-        let voxel = voxel_from_linear(s, index);
-        let position = voxel.as_vec3() + 0.5;
-        let to_eye = direction_to_eye(s, position);
+    let of_cell = |(&index, choices): (&u32, &Vec<Choice>)| {
+        let cell = Cell::from_linear(s, index);
         let shift = lattice_shift(s, index, order);
-        let mut sum = Arrived::default();
-        for choice in choices {
+        let flip = random_float(stream_key(index, order, s.seed_low, s.seed_high), 3) * CELL_POINTS as f32;
+        let of_choice = |(slot, choice): (usize, &Choice)| {
+            let point = point_of_sample(slot as u32, flip as u32);
             let towards = lattice_direction(choice.candidate, lattice, shift);
-            let radiance = traced_radiance(s, source, make_ray(s, position, towards, step_voxels), towards);
-            arrive(s, &mut sum, radiance * choice.weight, -towards, to_eye);
-        }
-        let m = classify(s, &scene.points, scene.scalar.fetch(voxel));
-        let extinction = m.extinction / s.max_extinction;
-        add_to(s, voxel, Vec3::from(albedo_of(s, &m)) * extinction, &sum, extinction, first, orders);
-    }
+            let ray = make_ray(s, cell.position(point), towards, step_voxels);
+            let radiance = traced_radiance(s, source, is_projected, ray, towards);
+            let light = radiance * cell.scattering(scene, point) * choice.weight;
+            ScatterSample { light: light.into(), travel: (-towards).into(), point }
+        };
+        choices.iter().enumerate().map(of_choice).collect()
+    };
+    cells.iter().zip(chosen).map(of_cell).collect()
 }

@@ -7,7 +7,6 @@
 pub mod camera;
 pub mod classify;
 pub mod compact;
-pub mod contribute;
 pub mod delta_lights;
 pub mod emptiness;
 pub mod environment;
@@ -15,6 +14,7 @@ pub mod gather;
 pub mod march;
 pub mod path;
 pub mod phong;
+pub mod project;
 pub mod proxy;
 pub mod radix_sort;
 pub mod rng;

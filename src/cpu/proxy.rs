@@ -10,7 +10,7 @@ fn most_opacity(scene: &SceneParams) -> f32 {
     1.0 - (-scene.max_extinction * scene.mean_spacing).exp()
 }
 
-/// A field's texel (source, extinction / max_extinction) to RGBA8, R in the lowest byte. `most` = largest source
+/// A field's texel (source function, extinction / max_extinction) to RGBA8, R in the lowest byte. `most` = largest source
 /// function of the volume.
 pub fn encode_color(scene: &SceneParams, field: [f32; 4], most: f32) -> u32 {
     let [r, g, b, a] = field;
@@ -18,7 +18,7 @@ pub fn encode_color(scene: &SceneParams, field: [f32; 4], most: f32) -> u32 {
         return 0;
     }
     let level = |source: f32| {
-        let relative = if most > 0.0 { (source / (a * most)).clamp(0.0, 1.0) } else { 0.0 };
+        let relative = if most > 0.0 { (source / most).clamp(0.0, 1.0) } else { 0.0 };
         (relative.sqrt() * 255.0 + 0.5) as u32
     };
     let depth = a * scene.max_extinction * scene.mean_spacing;
@@ -46,7 +46,7 @@ pub fn decode_color(scene: &SceneParams, color: u32, mask: u32, most: f32) -> [f
 /// Largest source function of all channels of a field.
 pub fn source_max(field: &[[f32; 4]]) -> f32 {
     let active = field.iter().filter(|f| f[3] > 0.0);
-    active.map(|f| f[0].max(f[1]).max(f[2]) / f[3]).fold(0.0, f32::max)
+    active.map(|f| f[0].max(f[1]).max(f[2])).fold(0.0, f32::max)
 }
 
 /// The bits of `color` that `mask` keeps, packed together.

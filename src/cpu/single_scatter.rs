@@ -1,47 +1,51 @@
 //! Twin of `single_scatter.comp`.
 
-use super::classify::{albedo_of, classify};
-use super::contribute::{Arrived, Orders, add_to, arrive, arrive_unseen};
 use super::delta_lights::light_at;
 use super::march::{make_ray, transmittance};
+use super::project::{Cell, point_of_sample};
 use super::rng::{random_float, stream_key};
-use super::scene::{HostScene, direction_to_eye, voxel_from_linear, world_from_index};
+use super::scene::{HostScene, world_from_index};
 use super::texture::Texture;
+use crate::abi::ScatterSample;
+use crate::shaders::constants::{CELL_POINTS, LIGHT_POINTS};
 use glam::{Vec3, Vec4};
 use std::f32::consts::PI;
 
-/// Adds order 1 of the listed voxels to `orders`; delta lights for the next order only.
+/// Samples of order 1 of the listed cells, by cell: those of the delta lights, then those of the environment.
 pub fn single_scatter(
     scene: &HostScene,
-    active_voxels: &[u32],
+    cells: &[u32],
     field: &Texture<Vec4>,
     environment_directions: u32,
     step_voxels: f32,
-    orders: &mut Orders,
-) {
+) -> [Vec<Vec<ScatterSample>>; 2] {
     let s = &scene.params;
-    for &index in active_voxels {
-        let voxel = voxel_from_linear(s, index);
-        let position = voxel.as_vec3() + 0.5;
-        let world = world_from_index(s, position);
-        let to_eye = direction_to_eye(s, position);
-        let seen =
-            |towards: Vec3, limit: f32| transmittance(s, field, make_ray(s, position, towards, step_voxels), limit);
-        let mut sum = Arrived::default();
-        for light in &scene.lights {
-            let light = light_at(s, light, world);
-            arrive_unseen(&mut sum, light.irradiance * (seen(-light.travel, light.reach) / (4.0 * PI)), light.travel);
-        }
-        let key = stream_key(index, 1, s.seed_low, s.seed_high);
-        let shift = [random_float(key, 0), random_float(key, 1)];
-        for i in 0..environment_directions {
-            let Some(sample) = scene.environment.sample_environment(i, environment_directions, shift) else { break };
-            let t = seen(sample.direction, f32::INFINITY);
-            arrive(s, &mut sum, sample.radiance * (t * sample.weight / (4.0 * PI)), -sample.direction, to_eye);
-        }
-        let m = classify(s, &scene.points, scene.scalar.fetch(voxel));
-        let extinction = m.extinction / s.max_extinction;
-        let scattering = Vec3::from(albedo_of(s, &m)) * extinction * s.radiance_scale;
-        add_to(s, voxel, scattering, &sum, extinction, true, orders);
-    }
+    let key = |index: u32| stream_key(index, 1, s.seed_low, s.seed_high);
+    let flip = |index: u32| (random_float(key(index), 2) * CELL_POINTS as f32) as u32;
+    let sample = |cell: &Cell, point: u32, travel: Vec3, reach: f32, light: Vec3| {
+        let t = transmittance(s, field, make_ray(s, cell.position(point), -travel, step_voxels), reach);
+        let light = cell.scattering(scene, point) * light * (t * s.radiance_scale / (4.0 * PI));
+        ScatterSample { light: light.into(), travel: travel.into(), point }
+    };
+    let of_lights = |&index: &u32| {
+        let cell = Cell::from_linear(s, index);
+        let numbers = (0..scene.lights.len() as u32).flat_map(|l| (0..LIGHT_POINTS).map(move |k| (l, k)));
+        let one = |(l, k)| {
+            let point = point_of_sample(k, flip(index));
+            let light = light_at(s, &scene.lights[l as usize], world_from_index(s, cell.position(point)));
+            sample(&cell, point, light.travel, light.reach, light.irradiance / LIGHT_POINTS as f32)
+        };
+        numbers.map(one).collect()
+    };
+    let of_environment = |&index: &u32| {
+        let cell = Cell::from_linear(s, index);
+        let shift = [random_float(key(index), 0), random_float(key(index), 1)];
+        let one = |i| {
+            let e = scene.environment.sample_environment(i, environment_directions, shift)?;
+            let point = point_of_sample(i, flip(index));
+            Some(sample(&cell, point, -e.direction, f32::INFINITY, e.radiance * e.weight))
+        };
+        (0..environment_directions).map_while(one).collect()
+    };
+    [cells.iter().map(of_lights).collect(), cells.iter().map(of_environment).collect()]
 }

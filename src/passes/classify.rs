@@ -8,6 +8,17 @@ use crate::abi::DistancePush;
 use crate::shaders::{self, constants};
 use crate::vk::{Context, Filter, Image, ImageFormat, Pipeline, Recorder};
 
+/// The source that classification writes beside the extinction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Emitted {
+    /// None.
+    Nothing,
+    /// σ_a times the emitted radiance.
+    Emission,
+    /// σ_t times the transfer function's colour: the absorption model.
+    Color,
+}
+
 /// The pass.
 pub struct Classify {
     classify: Pipeline,
@@ -35,10 +46,15 @@ pub(super) fn voxel_grid(dims: [u32; 3]) -> [u32; 3] {
 }
 
 impl Classify {
-    /// Makes the pipelines. `emit_color`: the transfer function's colour is the source function (absorption model).
-    pub fn new(ctx: &Context, emit_color: bool) -> Result<Self> {
+    /// Makes the pipelines.
+    pub fn new(ctx: &Context, emitted: Emitted) -> Result<Self> {
+        let emitted = match emitted {
+            Emitted::Nothing => constants::EMITTED_NOTHING,
+            Emitted::Emission => constants::EMITTED_EMISSION,
+            Emitted::Color => constants::EMITTED_COLOR,
+        };
         Ok(Self {
-            classify: Pipeline::new(ctx, &shaders::CLASSIFY, &[("EMIT_COLOR", emit_color.into())])?,
+            classify: Pipeline::new(ctx, &shaders::CLASSIFY, &[("EMITTED", emitted)])?,
             occupancy: [
                 Pipeline::new(ctx, &shaders::OCCUPANCY, &[("COMPONENT", 3)])?,
                 Pipeline::new(ctx, &shaders::OCCUPANCY, &[("COMPONENT", 0)])?,
@@ -53,7 +69,7 @@ impl Classify {
         Ok(Emptiness { image: image("emptiness")?, other: image("emptiness.other")? })
     }
 
-    /// Writes order-0 source and extinction of every voxel to `field`. Ordered after all compute accesses before; ends
+    /// Writes source and extinction of every voxel to `field`. Ordered after all compute accesses before; ends
     /// with `field` written by compute.
     pub fn record(&self, rec: &mut Recorder, scene: &SceneData, field: &Image) {
         order_compute(rec);

@@ -1,23 +1,77 @@
-//! The list of active voxels (`glsl/compact.comp`), and kernels over it in chunks (`glsl/chunk_args.comp`).
+//! Lists of the voxels and cells that have to do with the medium (`glsl/mark.comp`, `glsl/compact.comp`), and kernels over
+//! them in chunks (`glsl/chunk_args.comp`).
 //!
-//! A volume may have more voxels than one storage buffer holds words, so the list is split: each segment lists a range
-//! of linear voxel indices.
+//! A volume may have more voxels than one storage buffer holds words, so a list is split: each segment lists a range of
+//! linear indices.
 
+use super::classify::{Emptiness, voxel_grid};
 use super::lookback::{self, Diagnostics};
 use super::scene_data::SceneData;
 use super::{LIST_WORKGROUP, order_compute};
-use crate::Result;
 use crate::abi::{ChunkArgsPush, CompactPush};
 use crate::shaders::{self, constants};
-use crate::vk::{Access, Buffer, Context, Filter, Image, Pipeline, Recorder};
+use crate::vk::{Access, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
+use crate::{Error, Result};
 
 /// Invocations of a workgroup of `compact.comp`, and voxels of each: twice as many would take lavapipe twice as long to
 /// compile.
 const WORKGROUP: u32 = 256;
 const ROWS: u32 = 8;
 
-/// The list of active voxels.
-pub struct ActiveList {
+/// What is in a list, by linear index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Listed {
+    /// Voxels with extinction.
+    Voxels,
+    /// Voxels at a corner of a cell with extinction: those with extinction and their 26 neighbours.
+    Nodes,
+    /// Cells with extinction at a corner (`glsl/include/cell.glsl`).
+    Cells,
+}
+
+/// Marks of all voxels and cells (`glsl/mark.comp`).
+pub struct Marks {
+    pipeline: Pipeline,
+    image: Image,
+    tally: Buffer<u32>,
+}
+
+impl Marks {
+    /// Marks for a volume of `dims` voxels.
+    pub fn new(ctx: &Context, dims: [u32; 3]) -> Result<Self> {
+        Ok(Self {
+            pipeline: Pipeline::new(ctx, &shaders::MARK, &[])?,
+            image: ctx.image_3d("marks", dims.map(|d| d + 1), ImageFormat::R32Uint)?,
+            tally: ctx.device_buffer("marks.tally", 1)?,
+        })
+    }
+
+    /// Marks by the extinction of `field`, whose distances are in `emptiness`. Ordered after all compute accesses before;
+    /// ends with the marks written by compute.
+    pub fn record(&self, rec: &mut Recorder, scene: &SceneData, field: &Image, emptiness: &Emptiness) {
+        rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+        rec.fill(&self.tally, 0);
+        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+        order_compute(rec);
+        let binds = [
+            ("scene_block", scene.block.bind()),
+            ("field", field.sampled(Filter::Nearest)),
+            ("emptiness", emptiness.image.sampled(Filter::Nearest)),
+            ("marks", self.image.storage()),
+            ("tally", self.tally.bind()),
+        ];
+        rec.dispatch(&self.pipeline, &binds, &(), voxel_grid(scene.params.dims.map(|d| d + 1)));
+    }
+
+    /// Voxels with extinction. Waits for the device.
+    pub fn active_voxels(&self, ctx: &Context) -> Result<u64> {
+        Ok(ctx.read_back(&self.tally)?[0].into())
+    }
+}
+
+/// A list.
+pub struct List {
+    listed: Listed,
     segments: Vec<Segment>,
     chunk_items: u32,
     pipeline: Pipeline,
@@ -28,10 +82,12 @@ pub struct ActiveList {
 
 struct Segment {
     first: u32,
-    voxels: u32,
+    count: u32,
+    /// Items: at most `count` until [`List::read_counts`], then as many as there are.
+    items: u32,
     list: Buffer<u32>,
     header: Buffer<u32>,
-    /// Chunks that may have items: all until [`ActiveList::read_counts`], then those that do.
+    /// Chunks that may have items: all until [`List::read_counts`], then those that do.
     chunks: u32,
 }
 
@@ -62,35 +118,56 @@ impl Chunk<'_> {
         push: &P,
         args: &ChunkArgs,
     ) {
-        let mut all = vec![("active_voxels", self.list.bind()), ("list_header", self.header.bind())];
+        let mut all = vec![("list_items", self.list.bind()), ("list_header", self.header.bind())];
         all.extend_from_slice(binds);
         rec.dispatch_indirect(pipeline, &all, push, &args.buffers[self.segment], 3 * self.index as usize);
     }
 }
 
-impl ActiveList {
-    /// Memory for the active voxels of a volume, to be worked on in chunks of `chunk_items`. `segment_voxels` limits
-    /// the voxels of a segment; `None`: as many as a storage buffer takes.
-    pub fn new(ctx: &Context, scene: &SceneData, chunk_items: u32, segment_voxels: Option<u32>) -> Result<Self> {
-        let voxels = scene.voxels();
+impl List {
+    /// Memory for a list of a volume, to be worked on in chunks of `chunk_items`. `segment_items` limits the indices of a
+    /// segment; `None`: as many as a storage buffer takes.
+    ///
+    /// Errors: the volume has more cells than 32 bits count, or memory runs out.
+    pub fn new(
+        ctx: &Context,
+        scene: &SceneData,
+        listed: Listed,
+        chunk_items: u32,
+        segment_items: Option<u32>,
+    ) -> Result<Self> {
+        let all: u64 = match listed {
+            Listed::Cells => scene.params.dims.iter().map(|&d| u64::from(d) + 1).product(),
+            Listed::Voxels | Listed::Nodes => scene.voxels(),
+        };
+        if all > u64::from(u32::MAX) {
+            return Err(Error::input("volume", format!("{all} cells are too many"), "resample it to fewer voxels"));
+        }
         let most = (ctx.max_storage_bytes() / 4).min(u64::from(lookback::MAX_ITEMS));
-        let step = segment_voxels.map_or(most, |s| most.min(u64::from(s)));
+        let step = segment_items.map_or(most, |s| most.min(u64::from(s)));
         let mut segments = Vec::new();
         let mut first = 0u64;
-        while first < voxels {
-            let count = step.min(voxels - first) as u32;
+        while first < all {
+            let count = step.min(all - first) as u32;
             segments.push(Segment {
                 first: first as u32,
-                voxels: count,
-                list: ctx.device_buffer("active voxels", count as usize)?,
-                header: ctx.upload("active voxels.header", &[0u32; 1])?,
+                count,
+                items: count,
+                list: ctx.device_buffer("list", count as usize)?,
+                header: ctx.upload("list.header", &[0u32; 1])?,
                 chunks: count.div_ceil(chunk_items),
             });
             first += u64::from(count);
         }
-        let longest = segments.iter().map(|s| s.voxels).max().unwrap_or(0);
-        let specialization = lookback_constants(ctx);
+        let longest = segments.iter().map(|s| s.count).max().unwrap_or(0);
+        let kind = match listed {
+            Listed::Voxels => constants::LISTED_VOXELS,
+            Listed::Nodes => constants::LISTED_NODES,
+            Listed::Cells => constants::LISTED_CELLS,
+        };
+        let specialization = [&lookback_constants(ctx)[..], &[("LISTED", kind)]].concat();
         Ok(Self {
+            listed,
             segments,
             chunk_items,
             pipeline: Pipeline::new(ctx, &shaders::COMPACT, &specialization)?,
@@ -100,9 +177,8 @@ impl ActiveList {
         })
     }
 
-    /// Lists the voxels of `field` with extinction. Ordered after all compute accesses before; ends with the lists
-    /// written by compute.
-    pub fn record(&self, rec: &mut Recorder, scene: &SceneData, field: &Image) {
+    /// Lists what is marked. Ordered after all compute accesses before; ends with the list written by compute.
+    pub fn record(&self, rec: &mut Recorder, scene: &SceneData, marks: &Marks) {
         for segment in &self.segments {
             rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
             rec.fill(&self.status, 0);
@@ -112,32 +188,43 @@ impl ActiveList {
                 &self.pipeline,
                 &[
                     ("scene_block", scene.block.bind()),
-                    ("field", field.sampled(Filter::Nearest)),
-                    ("active_voxels", segment.list.bind()),
+                    ("marks", marks.image.sampled(Filter::Nearest)),
+                    ("list_items", segment.list.bind()),
                     ("list_header", segment.header.bind()),
                     ("status", self.status.bind()),
                     ("diagnostics", self.diagnostics.buffer().bind()),
                 ],
-                &CompactPush { first: segment.first, count: segment.voxels },
-                lookback::grid(segment.voxels.div_ceil(WORKGROUP * ROWS)),
+                &CompactPush { first: segment.first, count: segment.count },
+                lookback::grid(segment.count.div_ceil(WORKGROUP * ROWS)),
             );
         }
     }
 
-    /// Reads how many voxels are active, so that no chunk is recorded that has none, and checks the scan's report.
+    /// Reads how many items there are, so that no chunk is recorded that has none, and checks the scan's report.
     /// A wait for the device, made once per scene: it belongs to the set-up, not to the iterations.
     pub fn read_counts(&mut self, ctx: &Context) -> Result<u64> {
         self.diagnostics.check(ctx, "compact")?;
         let mut total = 0;
         for segment in &mut self.segments {
             let count = ctx.read_back(&segment.header)?[constants::LIST_COUNT as usize];
+            segment.items = count;
             segment.chunks = count.div_ceil(self.chunk_items);
             total += u64::from(count);
         }
         Ok(total)
     }
 
-    /// Linear indices of the active voxels, for tests.
+    /// Number of items; of all indices until [`List::read_counts`].
+    pub fn items(&self) -> u64 {
+        self.segments.iter().map(|s| u64::from(s.items)).sum()
+    }
+
+    /// What is in the list.
+    pub fn listed(&self) -> Listed {
+        self.listed
+    }
+
+    /// Linear indices of the items, for tests.
     pub fn read_back(&self, ctx: &Context) -> Result<Vec<u32>> {
         let mut all = Vec::new();
         for segment in &self.segments {

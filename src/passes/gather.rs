@@ -1,16 +1,16 @@
 //! The gather of one scattering order (DESIGN section 2): candidates estimated in the proxy (`gather_proxy.comp`), some
 //! of them chosen (`gather_select.comp`), those traced in the data (`gather_trace.comp`).
 
-use super::compact::{ActiveList, Chunk, ChunkArgs};
-use super::contribute::{Orders, Source};
+use super::compact::{Chunk, ChunkArgs, List};
+use super::project::{Scattering, Source};
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, contribute, order_compute, rays_per_invocation};
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
 use crate::Result;
 use crate::abi::{GatherProxyPush, GatherSelectPush, GatherTracePush};
 use crate::scene::{Sampling, Settings};
 use crate::shaders::{self, constants};
-use crate::vk::{Buffer, Context, Filter, Image, Pipeline, Recorder};
+use crate::vk::{Buffer, Context, Filter, Pipeline, Recorder};
 
 /// How one gather chooses its directions.
 #[derive(Clone, Copy, Debug)]
@@ -77,13 +77,14 @@ pub struct GatherArgs {
 }
 
 impl Gather {
-    /// Makes the pipelines and the lists of a chunk of `chunk_items`.
+    /// Makes the pipelines and the lists of a chunk of `chunk_items`. `is_projected`: the source was made by a projection,
+    /// else by classification.
     pub fn new(
         ctx: &Context,
         scene: &SceneData,
         config: GatherConfig,
         chunk_items: u32,
-        has_next: bool,
+        is_projected: bool,
     ) -> Result<Self> {
         let sampling = match config.sampling {
             Sampling::Phase => constants::SAMPLING_PHASE,
@@ -91,8 +92,13 @@ impl Gather {
             Sampling::Resample => constants::SAMPLING_RESAMPLE,
         };
         let items = if config.uses_proxy() { chunk_items as usize } else { 1 };
-        let trace = [&contribute::specialization(scene, has_next)[..], &[("SAMPLING", sampling)]].concat();
         let workgroup = ("WORKGROUP", LIST_WORKGROUP);
+        let trace = [
+            workgroup,
+            ("ANISOTROPIC", (scene.params.g != 0.0).into()),
+            ("PROJECTED", is_projected.into()),
+            ("SAMPLING", sampling),
+        ];
         let candidates = if config.uses_proxy() {
             let select = [workgroup, ("SAMPLING", sampling)];
             Some([
@@ -122,14 +128,14 @@ impl Gather {
         &self.chosen
     }
 
-    /// Rough cost per voxel in traced rays: a proxy ray costs a part of one.
+    /// Rough cost per cell in traced rays: a proxy ray costs a part of one.
     pub fn rays(&self) -> f64 {
         let estimated = if self.candidates.is_some() { 0.3 * f64::from(self.config.candidates) } else { 0.0 };
         f64::from(self.config.directions) + estimated
     }
 
-    /// Dispatch arguments for all chunks of the list; see [`ActiveList::chunk_args`].
-    pub fn args(&self, ctx: &Context, rec: &mut Recorder, list: &ActiveList) -> Result<GatherArgs> {
+    /// Dispatch arguments for all chunks of the list; see [`List::chunk_args`].
+    pub fn args(&self, ctx: &Context, rec: &mut Recorder, list: &List) -> Result<GatherArgs> {
         let ranks = if self.config.sampling == Sampling::Top { self.config.candidates } else { 1 };
         let candidates = if self.candidates.is_some() {
             let blocks = self.config.candidates.div_ceil(self.block);
@@ -140,26 +146,23 @@ impl Gather {
         Ok(GatherArgs { candidates, trace: list.chunk_args(ctx, rec, 1)? })
     }
 
-    /// Gathers a chunk: scatters once more the light of `source`, adds it to `orders.total`, and to `orders.next` if
-    /// there is a next order. `stream` keeps the random numbers of orders apart. `proxy` must be built from `source`
-    /// where the sampling uses it. `is_first`: nothing has written `orders.next` of this order yet.
+    /// Gathers a chunk of cells: samples the light of `source`, scattered once more, and deposits it. `stream` keeps the
+    /// random numbers of orders apart. `proxy` must be built from `source` where the sampling uses it.
     ///
-    /// Ordered after all compute accesses before; ends with these images written by compute.
+    /// Ordered after all compute accesses before; ends with the projection's sums written by compute.
     #[allow(clippy::too_many_arguments, reason = "what the kernels read and write is named one by one")]
     pub fn record(
         &self,
         rec: &mut Recorder,
-        scene: &SceneData,
-        cells: &Image,
+        scattering: &Scattering<'_>,
         chunk: &Chunk<'_>,
         args: &GatherArgs,
         proxy: Option<&Proxy>,
         source: &Source,
-        orders: &Orders<'_>,
         stream: u32,
-        is_first: bool,
     ) {
         let c = &self.config;
+        let (scene, emptiness) = (scattering.scene, scattering.emptiness);
         let (chunk_begin, chunk_items, order) = (chunk.begin, chunk.items, stream);
         order_compute(rec);
         if let Some([estimate, select]) = &self.candidates {
@@ -175,7 +178,7 @@ impl Gather {
             };
             let binds = [
                 ("scene_block", scene.block.bind()),
-                ("emptiness", cells.sampled(Filter::Nearest)),
+                ("emptiness", emptiness.sampled(Filter::Nearest)),
                 ("bucket_id", proxy.bucket_id.sampled(Filter::Nearest)),
                 ("bucket_light", proxy.bucket_light.bind()),
                 ("weights", self.weights.bind()),
@@ -196,36 +199,34 @@ impl Gather {
                 [("scene_block", scene.block.bind()), ("weights", self.weights.bind()), ("chosen", self.chosen.bind())];
             chunk.dispatch(rec, select, &binds, &push, select_args);
             rec.end_pass();
-            order_compute(rec);
         }
         rec.begin_pass("gather.trace", stream);
-        let per_dispatch = rays_per_invocation(scene.params.dims, c.step);
         let lattice = if c.uses_proxy() { c.candidates } else { c.directions };
-        for begin in (0..c.directions).step_by(per_dispatch as usize) {
-            if begin > 0 {
-                order_compute(rec);
-            }
+        scattering.record_blocks(rec, chunk, c.directions, c.step, true, |rec, slots| {
             let push = GatherTracePush {
                 chunk_begin,
                 chunk_items,
                 order,
                 lattice,
-                slot_begin: begin,
-                slot_end: c.directions.min(begin + per_dispatch),
+                slot_begin: slots.start,
+                slot_end: slots.end,
                 directions: c.directions,
-                first: (is_first && begin == 0).into(),
                 step_voxels: c.step,
             };
-            let mut binds = contribute::binds(scene, cells, orders);
-            binds.extend([
+            let binds = [
+                ("scene_block", scene.block.bind()),
+                ("transfer_block", scene.transfer.bind()),
+                ("emptiness", emptiness.sampled(Filter::Nearest)),
+                ("scalar", scene.scalar.sampled(Filter::Nearest)),
                 ("source_a", source.a.sampled(Filter::Linear)),
                 ("source_x", source.b[0].sampled(Filter::Linear)),
                 ("source_y", source.b[1].sampled(Filter::Linear)),
                 ("source_z", source.b[2].sampled(Filter::Linear)),
                 ("chosen", self.chosen.bind()),
-            ]);
+                ("samples", scattering.projection.samples().bind()),
+            ];
             chunk.dispatch(rec, &self.trace, &binds, &push, &args.trace);
-        }
+        });
         rec.end_pass();
     }
 }

@@ -5,12 +5,12 @@
 pub mod camera;
 pub mod classify;
 pub mod compact;
-pub mod contribute;
 pub mod gather;
 pub mod lookback;
 pub mod path;
 pub mod phase_probe;
 pub mod phong;
+pub mod project;
 pub mod proxy;
 pub mod radix_sort;
 pub mod scan;

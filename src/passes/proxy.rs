@@ -8,7 +8,7 @@
 //! (`proxy_plan.comp`), and the mask in use is reported.
 
 use super::classify::voxel_grid;
-use super::compact::{ActiveList, ChunkArgs, TILE, lookback_constants};
+use super::compact::{ChunkArgs, List, TILE, lookback_constants};
 use super::lookback::{self, Count, Diagnostics, DispatchArgs, Report};
 use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
 use super::scan::{Scan, ScanConfig, ScanScratch};
@@ -200,7 +200,7 @@ impl Proxy {
         &self,
         rec: &mut Recorder,
         scene: &SceneData,
-        list: &ActiveList,
+        list: &List,
         args: &ChunkArgs,
         field: &Image,
         iteration: u32,
@@ -230,7 +230,7 @@ impl Proxy {
         rec.end_pass();
     }
 
-    fn record_hash(&self, rec: &mut Recorder, scene: &SceneData, list: &ActiveList, args: &ChunkArgs, field: &Image) {
+    fn record_hash(&self, rec: &mut Recorder, scene: &SceneData, list: &List, args: &ChunkArgs, field: &Image) {
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
         rec.fill(&self.source_max, 0);
         rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);

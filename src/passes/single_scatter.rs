@@ -1,94 +1,89 @@
 //! Single scattering (`glsl/single_scatter.comp`): order 1 from delta lights and the environment.
 
-use super::compact::{Chunk, ChunkArgs};
-use super::contribute::Orders;
+use super::compact::Chunk;
+use super::project::Scattering;
 use super::scene_data::SceneData;
-use super::{contribute, order_compute, rays_per_invocation};
+use super::{LIST_WORKGROUP, order_compute};
 use crate::Result;
 use crate::abi::SingleScatterPush;
-use crate::shaders;
-use crate::vk::{Context, Filter, Image, Pipeline, Recorder};
+use crate::shaders::{self, constants};
+use crate::vk::{Context, Filter, Pipeline, Recorder};
+use std::ops::Range;
 
 /// The pass.
 pub struct SingleScatter {
     pipeline: Pipeline,
     directions: u32,
     step: f32,
-    has_next: bool,
 }
 
 impl SingleScatter {
-    /// Makes the pipeline. `directions`: samples of the environment per voxel; `has_next`: another order follows.
-    pub fn new(ctx: &Context, scene: &SceneData, directions: u32, step: f32, has_next: bool) -> Result<Self> {
-        let common = contribute::specialization(scene, has_next);
-        let specialization = [&common[..], &[("ENVIRONMENT", scene.environment)]].concat();
-        Ok(Self {
-            pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?,
-            directions,
-            step,
-            has_next,
-        })
+    /// Makes the pipeline. `directions`: samples of the environment per cell.
+    pub fn new(ctx: &Context, scene: &SceneData, directions: u32, step: f32) -> Result<Self> {
+        let specialization = [("WORKGROUP", LIST_WORKGROUP), ("ENVIRONMENT", scene.environment)];
+        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, directions, step })
     }
 
-    /// Delta lights whose light is cached: it is for the next order only.
-    fn lights(&self, scene: &SceneData) -> u32 {
-        if self.has_next { scene.light_count } else { 0 }
+    /// Rays per cell towards the environment.
+    pub fn environment_rays(&self, scene: &SceneData) -> u32 {
+        if scene.environment == constants::ENVIRONMENT_NONE { 0 } else { self.directions }
     }
 
-    /// Rays per voxel.
-    pub fn rays(&self, scene: &SceneData) -> u32 {
-        self.lights(scene) + if scene.environment == 0 { 0 } else { self.directions }
+    /// Rays per cell towards delta lights.
+    pub fn light_rays(&self, scene: &SceneData) -> u32 {
+        scene.light_count * constants::LIGHT_POINTS
     }
 
-    /// Adds order 1 of a chunk, but for the delta lights that the camera adds, to `orders.total`, and writes all of it to
-    /// `orders.next` if there is a next order. `field` has the extinction.
+    /// Samples and deposits the environment's light in a chunk of cells.
     ///
-    /// Ordered after all compute accesses before; ends with these images written by compute.
-    #[allow(clippy::too_many_arguments, reason = "what a kernel reads and writes is named one by one")]
-    pub fn record(
+    /// Ordered after all compute accesses before; ends with the projection's sums written by compute.
+    pub fn record_environment(&self, rec: &mut Recorder, scattering: &Scattering<'_>, chunk: &Chunk<'_>) {
+        let rays = self.environment_rays(scattering.scene);
+        scattering.record_blocks(rec, chunk, rays, self.step, true, |rec, block| {
+            self.record_rays(rec, scattering, chunk, 0..0, block);
+        });
+    }
+
+    /// The same for delta lights, whose light the eye does not see through what is stored: the camera adds it without the
+    /// stored light's error (`camera.comp`).
+    pub fn record_lights(&self, rec: &mut Recorder, scattering: &Scattering<'_>, chunk: &Chunk<'_>) {
+        let rays = self.light_rays(scattering.scene);
+        scattering.record_blocks(rec, chunk, rays, self.step, false, |rec, block| {
+            self.record_rays(rec, scattering, chunk, block, 0..0);
+        });
+    }
+
+    fn record_rays(
         &self,
         rec: &mut Recorder,
-        scene: &SceneData,
-        cells: &Image,
+        scattering: &Scattering<'_>,
         chunk: &Chunk<'_>,
-        args: &ChunkArgs,
-        field: &Image,
-        orders: &Orders<'_>,
+        lights: Range<u32>,
+        environment: Range<u32>,
     ) {
-        let rays = self.rays(scene);
-        let per_dispatch = rays_per_invocation(scene.params.dims, self.step);
-        let mut begin = 0u32;
-        if rays == 0 && !self.has_next {
-            return;
-        }
-        // One dispatch even where nothing shines: the next order's source must be written.
-        loop {
-            let end = rays.min(begin.saturating_add(per_dispatch));
-            let lights = self.lights(scene);
-            let push = SingleScatterPush {
-                chunk_begin: chunk.begin,
-                chunk_items: chunk.items,
-                light_begin: begin.min(lights),
-                light_end: end.min(lights),
-                environment_begin: begin.max(lights) - lights,
-                environment_end: end.max(lights) - lights,
-                environment_directions: self.directions,
-                first: (begin == 0).into(),
-                step_voxels: self.step,
-            };
-            let mut binds = contribute::binds(scene, cells, orders);
-            binds.extend([
-                ("lights", scene.lights.bind()),
-                ("field", field.sampled(Filter::Linear)),
-                ("environment_image", scene.environment_image.sampled(Filter::Nearest)),
-                ("environment_table", scene.environment_table.bind()),
-            ]);
-            order_compute(rec);
-            chunk.dispatch(rec, &self.pipeline, &binds, &push, args);
-            begin = end;
-            if begin >= rays {
-                break;
-            }
-        }
+        let scene = scattering.scene;
+        let push = SingleScatterPush {
+            chunk_begin: chunk.begin,
+            chunk_items: chunk.items,
+            light_begin: lights.start,
+            light_end: lights.end,
+            environment_begin: environment.start,
+            environment_end: environment.end,
+            environment_directions: self.directions,
+            step_voxels: self.step,
+        };
+        let binds = [
+            ("scene_block", scene.block.bind()),
+            ("transfer_block", scene.transfer.bind()),
+            ("emptiness", scattering.emptiness.sampled(Filter::Nearest)),
+            ("scalar", scene.scalar.sampled(Filter::Nearest)),
+            ("lights", scene.lights.bind()),
+            ("field", scattering.field.sampled(Filter::Linear)),
+            ("environment_image", scene.environment_image.sampled(Filter::Nearest)),
+            ("environment_table", scene.environment_table.bind()),
+            ("samples", scattering.projection.samples().bind()),
+        ];
+        order_compute(rec);
+        chunk.dispatch(rec, &self.pipeline, &binds, &push, scattering.args);
     }
 }

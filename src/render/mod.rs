@@ -4,12 +4,12 @@ pub mod path;
 pub mod state;
 
 use crate::output::Picture;
-use crate::passes::camera::Camera;
-use crate::passes::classify::{Classify, Emptiness};
-use crate::passes::compact::{ActiveList, Chunk};
-use crate::passes::contribute::{Orders, Source};
+use crate::passes::camera::{Camera, Content};
+use crate::passes::classify::{Classify, Emitted, Emptiness};
+use crate::passes::compact::{Chunk, ChunkArgs, List, Listed, Marks};
 use crate::passes::gather::{Gather, GatherConfig};
 use crate::passes::phong::Phong;
+use crate::passes::project::{Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
 use crate::passes::scene_data::SceneData;
 use crate::passes::single_scatter::SingleScatter;
@@ -75,9 +75,13 @@ pub struct Renderer<'a> {
     phong: Option<Phong>,
     camera: Camera,
     scatter: Option<Scatter>,
-    list: Option<ActiveList>,
+    marks: Marks,
+    /// What the voxel passes work on: voxels for `phong`, cells for scattering.
+    list: Option<List>,
     active: u64,
     emptiness: Emptiness,
+    /// The emitted source; one texel where nothing that emits is scattered.
+    emitted: Image,
     total: Image,
     picture: Image,
     proxy_log: Buffer<u32>,
@@ -87,14 +91,16 @@ pub struct Renderer<'a> {
 /// What scattering needs; the local models do without.
 struct Scatter {
     single: SingleScatter,
-    /// The gather of orders that have a next one, and of the last.
-    gather: Option<[Gather; 2]>,
-    /// The gather of emitted light.
-    emission: Option<Gather>,
+    /// The gather of scattered light.
+    gather: Option<Gather>,
+    /// The gather of emitted light, and its classification.
+    emission: Option<(Gather, Classify)>,
     proxy: Option<Proxy>,
-    /// Emission and extinction; then every second order.
-    even: Source,
-    odd: Source,
+    projection: Projection,
+    /// The voxels that it writes.
+    nodes: List,
+    /// Of the latest order.
+    source: Source,
 }
 
 /// List items of a chunk: a dispatch should stay below 100 ms, and a chunk's lists below 64 MiB.
@@ -121,28 +127,25 @@ impl<'a> Renderer<'a> {
         let gather_config = GatherConfig::of(s);
         let emission_config = GatherConfig { sampling: Sampling::Phase, ..gather_config };
         let chunk = chunk_items(ctx, (orders > 1).then_some(&gather_config));
+        let segment = internals.segment_voxels;
         let list = match s.model {
             Model::Absorption => None,
-            _ => Some(ActiveList::new(ctx, &data, chunk, internals.segment_voxels)?),
+            Model::Phong => Some(List::new(ctx, &data, Listed::Voxels, chunk, segment)?),
+            _ => Some(List::new(ctx, &data, Listed::Cells, chunk, segment)?),
         };
+        let emits = orders > 0 && data.has_emission;
         let scatter = if orders > 0 {
-            let is_anisotropic = data.params.g != 0.0;
-            let gathers = orders > 1;
-            let with_proxy = gathers && gather_config.uses_proxy();
-            let emits = data.has_emission;
-            // `odd` takes the orders 1, 3, ..., which nobody reads where there is only one.
-            let odd_dims = if gathers { dims } else { [1; 3] };
+            let has_next = orders > 1;
+            let with_proxy = has_next && gather_config.uses_proxy();
             Some(Scatter {
-                single: SingleScatter::new(ctx, &data, s.environment_directions, s.gather_step, gathers)?,
-                gather: if gathers {
-                    Some([
-                        Gather::new(ctx, &data, gather_config, chunk, true)?,
-                        Gather::new(ctx, &data, gather_config, chunk, false)?,
-                    ])
+                single: SingleScatter::new(ctx, &data, s.environment_directions, s.gather_step)?,
+                gather: if has_next { Some(Gather::new(ctx, &data, gather_config, chunk, true)?) } else { None },
+                emission: if emits {
+                    let gather = Gather::new(ctx, &data, emission_config, chunk, false)?;
+                    Some((gather, Classify::new(ctx, Emitted::Emission)?))
                 } else {
                     None
                 },
-                emission: if emits { Some(Gather::new(ctx, &data, emission_config, chunk, gathers)?) } else { None },
                 proxy: if with_proxy {
                     let config = ProxyConfig {
                         mask: s.mask,
@@ -154,24 +157,29 @@ impl<'a> Renderer<'a> {
                 } else {
                     None
                 },
-                even: Source::new(ctx, ["even.a", "even.x", "even.y", "even.z"], dims, is_anisotropic)?,
-                odd: Source::new(ctx, ["odd.a", "odd.x", "odd.y", "odd.z"], odd_dims, is_anisotropic && gathers)?,
+                projection: Projection::new(ctx, &data, chunk, s.projection_steps, has_next)?,
+                nodes: List::new(ctx, &data, Listed::Nodes, chunk, segment)?,
+                source: Source::new(ctx, dims, data.params.g != 0.0 && has_next)?,
             })
         } else {
             None
         };
+        let content = if orders > 0 { Content::Scattering } else { Content::Local };
+        let emitted = if s.model == Model::Absorption { Emitted::Color } else { Emitted::Nothing };
         Ok(Self {
             ctx,
             orders,
             samples: s.spp,
             mask: s.mask,
-            classify: Classify::new(ctx, s.model == Model::Absorption)?,
+            classify: Classify::new(ctx, emitted)?,
             phong: if s.model == Model::Phong { Some(Phong::new(ctx)?) } else { None },
-            camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp, orders > 0)?,
+            camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp, content)?,
             scatter,
+            marks: Marks::new(ctx, dims)?,
             list,
             active: 0,
             emptiness: Classify::emptiness(ctx, dims)?,
+            emitted: ctx.image_3d("emitted", if emits { dims } else { [1; 3] }, ImageFormat::Rgba16Float)?,
             total: ctx.image_3d("total", dims, ImageFormat::Rgba16Float)?,
             picture: Camera::picture(ctx, s.size)?,
             proxy_log: ctx.device_buffer("proxy.log", (constants::PROXY_WORDS * orders.max(1)) as usize)?,
@@ -211,46 +219,53 @@ impl<'a> Renderer<'a> {
         Ok(Picture { width, height, pixels })
     }
 
-    /// Classification, empty-space structure, list of active voxels.
+    /// Classification, empty-space structure, lists.
     fn set_up(&mut self, queue: &mut Queue<'_>) -> Result<()> {
         let mut rec = Recorder::new(self.ctx)?;
         if let Some(scatter) = &self.scatter {
-            scatter.even.clear(&mut rec);
-            scatter.odd.clear(&mut rec);
+            scatter.source.clear(&mut rec);
+            scatter.projection.record_clear_all(&mut rec);
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         }
         rec.begin_pass("classify", 0);
         self.classify.record(&mut rec, &self.data, &self.total);
-        if let Some(scatter) = &self.scatter {
-            self.classify.record(&mut rec, &self.data, &scatter.even.a);
+        if let Some((_, classify)) = self.scatter.as_ref().and_then(|s| s.emission.as_ref()) {
+            classify.record(&mut rec, &self.data, &self.emitted);
         }
         self.classify.record_emptiness(&mut rec, &self.data, &self.total, &self.emptiness);
         rec.end_pass();
-        if let Some(list) = &self.list {
-            rec.begin_pass("compact", 0);
-            list.record(&mut rec, &self.data, &self.total);
-            rec.end_pass();
+        rec.begin_pass("compact", 0);
+        self.marks.record(&mut rec, &self.data, &self.total, &self.emptiness);
+        for list in self.lists() {
+            list.record(&mut rec, &self.data, &self.marks);
         }
+        rec.end_pass();
         queue.submit(rec, 0.0, "classifying")?;
+        self.active = self.marks.active_voxels(self.ctx)?;
         if let Some(list) = &mut self.list {
-            self.active = list.read_counts(self.ctx)?;
+            list.read_counts(self.ctx)?;
+        }
+        if let Some(scatter) = &mut self.scatter {
+            scatter.nodes.read_counts(self.ctx)?;
         }
         Ok(())
     }
 
-    /// Rough cost in traced rays, for the progress bar.
-    fn work(&self) -> f64 {
-        let active = self.active as f64;
-        let scatter = self
-            .scatter
-            .as_ref()
-            .map_or(0.0, |s| f64::from(s.single.rays(&self.data)) + f64::from(self.orders - 1) * self.order_work());
-        active * scatter + self.camera_work() * f64::from(self.data.params.size[1] * self.samples)
+    fn lists(&self) -> impl Iterator<Item = &List> {
+        self.list.iter().chain(self.scatter.as_ref().map(|s| &s.nodes))
     }
 
-    fn order_work(&self) -> f64 {
-        let Some([gather, _]) = self.scatter.as_ref().and_then(|s| s.gather.as_ref()) else { return 0.0 };
-        gather.rays()
+    /// Rough cost in traced rays, for the progress bar.
+    fn work(&self) -> f64 {
+        let rays = self.scatter.as_ref().map_or(0.0, |s| {
+            let first =
+                f64::from(s.single.environment_rays(&self.data)) + s.emission.as_ref().map_or(0.0, |e| e.0.rays());
+            let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
+            let later = s.gather.as_ref().map_or(0.0, |g| g.rays() * f64::from(self.orders - 1));
+            first + lights + later
+        });
+        let items = self.list.as_ref().map_or(0, List::items) as f64;
+        items * rays + self.camera_work() * f64::from(self.data.params.size[1] * self.samples)
     }
 
     /// Of one row of pixels.
@@ -259,73 +274,116 @@ impl<'a> Renderer<'a> {
     }
 
     fn scatter(&self, scatter: &Scatter, queue: &mut Queue<'_>) -> Result<()> {
-        let ctx = self.ctx;
-        let list = self.list.as_ref().expect("scattering has a list");
+        let (ctx, data) = (self.ctx, &self.data);
+        let cells = self.list.as_ref().expect("scattering has a list");
         let mut rec = Recorder::new(ctx)?;
-        let one = list.chunk_args(ctx, &mut rec, 1)?;
-        let gather_args = match &scatter.gather {
-            Some([gather, _]) => Some(gather.args(ctx, &mut rec, list)?),
+        let cell_args = cells.chunk_args(ctx, &mut rec, 1)?;
+        let node_args = scatter.nodes.chunk_args(ctx, &mut rec, 1)?;
+        let gather = match &scatter.gather {
+            Some(gather) => Some((gather, gather.args(ctx, &mut rec, cells)?)),
             None => None,
         };
-        let emission_args = match &scatter.emission {
-            Some(gather) => Some(gather.args(ctx, &mut rec, list)?),
+        let emission = match &scatter.emission {
+            Some((gather, _)) => Some((gather, gather.args(ctx, &mut rec, cells)?)),
             None => None,
         };
+        if let Some(proxy) = &scatter.proxy {
+            proxy.record_clear(&mut rec);
+        }
         queue.submit(rec, 0.0, "scattering")?;
 
-        // Order 1: `even` holds emission and extinction.
-        let orders = Orders { next: &scatter.odd, total: &self.total };
-        let work = f64::from(scatter.single.rays(&self.data));
-        self.for_chunks(list, queue, "single scattering", work, |rec, chunk| {
+        let first = Scattering {
+            scene: data,
+            emptiness: &self.emptiness.image,
+            field: &self.total,
+            projection: &scatter.projection,
+            args: &cell_args,
+            has_next: self.orders > 1,
+        };
+        let solve =
+            |queue: &mut Queue<'_>, order: u32, is_seen: bool| self.solve(scatter, &node_args, queue, order, is_seen);
+        // What the eye shall see of order 1, then the light that it sees without it (`camera.comp`).
+        let rays = f64::from(scatter.single.environment_rays(data)) + emission.as_ref().map_or(0.0, |e| e.0.rays());
+        let lights = if first.has_next { f64::from(scatter.single.light_rays(data)) } else { 0.0 };
+        self.for_chunks(cells, queue, "single scattering", rays, |rec, chunk| {
             rec.begin_pass("single", 1);
-            let field = &scatter.even.a;
-            scatter.single.record(rec, &self.data, &self.emptiness.image, chunk, &one, field, &orders);
+            scatter.single.record_environment(rec, &first, chunk);
             rec.end_pass();
-            if let Some((gather, args)) = scatter.emission.as_ref().zip(emission_args.as_ref()) {
-                let source = &scatter.even;
-                let (data, cells) = (&self.data, &self.emptiness.image);
-                gather.record(rec, data, cells, chunk, args, None, source, &orders, EMISSION_STREAM, false);
+            if let Some((gather, args)) = &emission {
+                let emitted = Source { a: self.emitted.clone(), b: scatter.source.b.clone() };
+                gather.record(rec, &first, chunk, args, None, &emitted, EMISSION_STREAM);
             }
         })?;
-        let Some((gathers, args)) = scatter.gather.as_ref().zip(gather_args.as_ref()) else { return Ok(()) };
-        if let Some(proxy) = &scatter.proxy {
-            let mut rec = Recorder::new(ctx)?;
-            proxy.record_clear(&mut rec);
-            queue.submit(rec, 0.0, "scattering")?;
+        if rays > 0.0 && !scatter.projection.has_eye() {
+            solve(queue, 1, true)?;
+        }
+        if first.has_next {
+            self.for_chunks(cells, queue, "single scattering", lights, |rec, chunk| {
+                rec.begin_pass("single", 1);
+                scatter.single.record_lights(rec, &first, chunk);
+                rec.end_pass();
+            })?;
+            solve(queue, 1, false)?;
         }
         for order in 2..=self.orders {
-            let (source, next) =
-                if order % 2 == 0 { (&scatter.odd, &scatter.even) } else { (&scatter.even, &scatter.odd) };
+            let (gather, args) = gather.as_ref().expect("a gather where orders follow the first");
+            let mut rec = Recorder::new(ctx)?;
             if let Some(proxy) = &scatter.proxy {
-                let mut rec = Recorder::new(ctx)?;
-                proxy.record(&mut rec, &self.data, list, &one, &source.a, order);
+                proxy.record(&mut rec, data, &scatter.nodes, &node_args, &scatter.source.a, order);
                 let at = (constants::PROXY_WORDS * (order - 1)) as usize;
                 rec.barrier(Access::ComputeReadWrite, Access::TransferRead);
                 rec.copy(proxy.control(), 0, &self.proxy_log, at, constants::PROXY_WORDS as usize);
-                queue.submit(rec, 0.0, "multiple scattering")?;
             }
-            let gather = &gathers[(order == self.orders) as usize];
-            let orders = Orders { next, total: &self.total };
-            self.for_chunks(list, queue, "multiple scattering", gather.rays(), |rec, chunk| {
-                let (data, cells, proxy) = (&self.data, &self.emptiness.image, scatter.proxy.as_ref());
-                gather.record(rec, data, cells, chunk, args, proxy, source, &orders, order, true);
+            scatter.projection.record_clear(&mut rec);
+            queue.submit(rec, 0.0, "multiple scattering")?;
+            let scattering = Scattering { has_next: order < self.orders, ..first };
+            self.for_chunks(cells, queue, "multiple scattering", gather.rays(), |rec, chunk| {
+                gather.record(rec, &scattering, chunk, args, scatter.proxy.as_ref(), &scatter.source, order);
             })?;
+            if scattering.has_next || !scatter.projection.has_eye() {
+                solve(queue, order, !scatter.projection.has_eye())?;
+            }
+        }
+        if scatter.projection.has_eye() {
+            let mut rec = Recorder::new(ctx)?;
+            rec.begin_pass("project", self.orders);
+            let (projection, nodes) = (&scatter.projection, &scatter.nodes);
+            projection.record_solve_eye(&mut rec, data, nodes, &node_args, &scatter.source, &self.total);
+            rec.end_pass();
+            queue.submit(rec, 0.0, "scattering")?;
         }
         Ok(())
+    }
+
+    /// Solves for the source of `order`; `is_seen`: the eye shall see it.
+    fn solve(
+        &self,
+        scatter: &Scatter,
+        node_args: &ChunkArgs,
+        queue: &mut Queue<'_>,
+        order: u32,
+        is_seen: bool,
+    ) -> Result<()> {
+        let mut rec = Recorder::new(self.ctx)?;
+        rec.begin_pass("project", order);
+        let (source, total) = (&scatter.source, &self.total);
+        scatter.projection.record_solve(&mut rec, &self.data, &scatter.nodes, node_args, source, total, is_seen);
+        rec.end_pass();
+        queue.submit(rec, 0.0, "scattering")
     }
 
     /// Records `body` for every chunk, a few chunks per submission.
     fn for_chunks(
         &self,
-        list: &ActiveList,
+        list: &List,
         queue: &mut Queue<'_>,
         phase: &'static str,
-        work_per_voxel: f64,
+        work_per_item: f64,
         mut body: impl FnMut(&mut Recorder, &Chunk<'_>),
     ) -> Result<()> {
         const CHUNKS_PER_SUBMISSION: usize = 4;
         let chunks: Vec<_> = list.chunks().collect();
-        let work = work_per_voxel * self.active as f64 / chunks.len().max(1) as f64;
+        let work = work_per_item * list.items() as f64 / chunks.len().max(1) as f64;
         for group in chunks.chunks(CHUNKS_PER_SUBMISSION) {
             let mut rec = Recorder::new(self.ctx)?;
             for chunk in group {
@@ -347,8 +405,8 @@ impl<'a> Renderer<'a> {
                 let work = self.camera_work() * rows.len() as f64;
                 let mut rec = Recorder::new(self.ctx)?;
                 rec.begin_pass("camera", 0);
-                let (total, picture) = (&self.total, &self.picture);
-                self.camera.record(&mut rec, &self.data, &self.emptiness.image, total, picture, sample, rows);
+                let (total, emitted, picture) = (&self.total, &self.emitted, &self.picture);
+                self.camera.record(&mut rec, &self.data, &self.emptiness.image, total, emitted, picture, sample, rows);
                 rec.end_pass();
                 queue.submit(rec, work, "camera")?;
             }

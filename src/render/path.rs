@@ -4,7 +4,7 @@ use super::state::{Header, State};
 use super::{Progress, stopped};
 use crate::Result;
 use crate::output::Picture;
-use crate::passes::classify::Classify;
+use crate::passes::classify::{Classify, Emitted};
 use crate::passes::path::{PathConfig, PathTracer};
 use crate::passes::scene_data::SceneData;
 use crate::scene::{Scene, Settings, UNLIMITED};
@@ -176,7 +176,7 @@ impl<'a> PathRender<'a> {
         let [width, height] = s.size;
         let band_rows = (most / width).clamp(1, height);
         let tracer = PathTracer::new(ctx, &data, scene.background, config, band_rows * width)?;
-        let classify = Classify::new(ctx, false)?;
+        let classify = Classify::new(ctx, Emitted::Nothing)?;
         let emptiness = Classify::emptiness(ctx, data.params.dims)?;
         let mut rec = Recorder::new(ctx)?;
         rec.begin_pass("majorants", 0);

@@ -173,16 +173,16 @@ pub struct Settings {
     pub model: Model,
     /// Choice of traced directions.
     pub sampling: Sampling,
-    /// M: candidate directions per voxel and order, estimated in the proxy. 1..=1024.
+    /// M: candidate directions per cell and order, estimated in the proxy. 1..=1024.
     pub candidates: u32,
-    /// N: directions per voxel and order traced in the data. 1..=1024; N ≤ M where the sampling uses candidates.
+    /// N: directions per cell and order traced in the data. 1..=1024; N ≤ M where the sampling uses candidates.
     pub directions: u32,
     /// K: light scattered 1..K times, ≥ 1; [`UNLIMITED`] for `path` only.
     #[serde(serialize_with = "values::write_orders")]
     pub orders: u32,
     /// Scatterings after which a path of unlimited orders is cut.
     pub max_events: u32,
-    /// Directions with which order 1 gathers the environment, per voxel.
+    /// Directions with which order 1 gathers the environment, per cell.
     pub environment_directions: u32,
     /// Step of camera rays in voxels.
     pub camera_step: f32,
@@ -190,6 +190,8 @@ pub struct Settings {
     pub gather_step: f32,
     /// Step of proxy rays in voxels.
     pub proxy_step: f32,
+    /// Steps of the solution for what is stored per voxel (`passes::project`). 1..=64.
+    pub projection_steps: u32,
     /// β of `resample`: share of the uniform defence in the draw, in (0, 1].
     pub defence: f32,
     /// Bits of (R, G, B, A) that the proxy's hash keeps, as 8-bit masks. [255; 4] is lossless.
@@ -219,6 +221,7 @@ impl Default for Settings {
             camera_step: 0.5,
             gather_step: 1.0,
             proxy_step: 2.0,
+            projection_steps: 6,
             defence: 0.2,
             mask: [0xF0; 4],
             size: [512, 512],

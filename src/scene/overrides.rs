@@ -54,10 +54,10 @@ pub struct Overrides {
     /// How the traced directions are chosen [default: resample]
     #[arg(long, value_name = "MODE", help_heading = "Method")]
     pub sampling: Option<Sampling>,
-    /// M: candidate directions per voxel and order, 1 to 1024 [default: 16]
+    /// M: candidate directions per cell and order, 1 to 1024 [default: 16]
     #[arg(long, value_name = "M", help_heading = "Method")]
     pub candidates: Option<u32>,
-    /// N: traced directions per voxel and order, 1 to 1024, at most M for top and resample [default: 8]
+    /// N: traced directions per cell and order, 1 to 1024, at most M for top and resample [default: 8]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub directions: Option<u32>,
     /// K: light scattered 1 to K times; 'unlimited' for path only [default: 4]
@@ -66,7 +66,7 @@ pub struct Overrides {
     /// Scatterings after which a path of unlimited orders is cut [default: 100000]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub max_events: Option<u32>,
-    /// Directions in which a voxel gathers the environment, 1 to 1024 [default: 16]
+    /// Directions in which a cell gathers the environment, 1 to 1024 [default: 16]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub environment_directions: Option<u32>,
     /// Step of camera rays in voxels, 0.1 to 8 [default: 0.5]
@@ -78,6 +78,9 @@ pub struct Overrides {
     /// Step of proxy rays in voxels, 0.1 to 8 [default: 2]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
     pub proxy_step: Option<f64>,
+    /// Steps of the solution for the light that is stored per voxel, 1 to 64: more are sharper and noisier [default: 6]
+    #[arg(long, value_name = "N", help_heading = "Method")]
+    pub projection_steps: Option<u32>,
     /// Share of resample's draw that ignores the proxy, greater than 0, at most 1 [default: 0.2]
     #[arg(long, value_name = "SHARE", help_heading = "Method")]
     pub defence: Option<f64>,
@@ -286,6 +289,7 @@ impl Overrides {
         layer.render.camera_step = self.camera_step;
         layer.render.gather_step = self.gather_step;
         layer.render.proxy_step = self.proxy_step;
+        layer.render.projection_steps = self.projection_steps;
         layer.render.defence = self.defence;
         layer.render.mask = self.mask;
         layer.render.size = self.size;

@@ -6,10 +6,11 @@ use super::common::validation;
 use super::data::Random;
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use half::f16;
+use tyndall::abi::ScatterSample;
 use tyndall::cpu::scene::HostScene;
 use tyndall::cpu::texture::Texture;
-use tyndall::passes::classify::{Classify, Emptiness};
-use tyndall::passes::compact::ActiveList;
+use tyndall::passes::classify::{Classify, Emitted, Emptiness};
+use tyndall::passes::compact::{List, Listed, Marks};
 use tyndall::passes::scene_data::SceneData;
 use tyndall::scene::camera::{Framing, frame};
 use tyndall::scene::{
@@ -148,36 +149,43 @@ pub fn scenes() -> Vec<(&'static str, Scene)> {
     ])
 }
 
-/// A scene on the device, classified, its active voxels listed; and its host copy.
+/// A scene on the device, classified and marked; and its host copy.
 pub struct Setup {
     pub data: SceneData,
     pub host: HostScene,
     pub classify: Classify,
-    /// Order-0 source and extinction.
+    /// Emitted source and extinction.
     pub field: Image,
     pub emptiness: Emptiness,
-    pub list: ActiveList,
-    /// The list, read back.
-    pub active: Vec<u32>,
+    pub marks: Marks,
 }
 
 impl Setup {
-    /// Classifies and lists.
+    /// Classifies and marks.
     pub fn new(ctx: &Context, scene: &Scene) -> Self {
         let data = SceneData::new(ctx, scene).unwrap();
         let dims = data.params.dims;
-        let classify = Classify::new(ctx, false).unwrap();
+        let classify = Classify::new(ctx, Emitted::Emission).unwrap();
         let field = ctx.image_3d("field", dims, ImageFormat::Rgba16Float).unwrap();
         let emptiness = Classify::emptiness(ctx, dims).unwrap();
-        let mut list = ActiveList::new(ctx, &data, CHUNK, None).unwrap();
+        let marks = Marks::new(ctx, dims).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         classify.record(&mut rec, &data, &field);
         classify.record_emptiness(&mut rec, &data, &field, &emptiness);
-        list.record(&mut rec, &data, &field);
+        marks.record(&mut rec, &data, &field, &emptiness);
+        rec.submit_and_wait().unwrap();
+        Self { host: HostScene::new(scene), data, classify, field, emptiness, marks }
+    }
+
+    /// A list, and its items read back.
+    pub fn list(&self, ctx: &Context, listed: Listed) -> (List, Vec<u32>) {
+        let mut list = List::new(ctx, &self.data, listed, CHUNK, None).unwrap();
+        let mut rec = Recorder::new(ctx).unwrap();
+        list.record(&mut rec, &self.data, &self.marks);
         rec.submit_and_wait().unwrap();
         list.read_counts(ctx).unwrap();
-        let active = list.read_back(ctx).unwrap();
-        Self { host: HostScene::new(scene), data, classify, field, emptiness, list, active }
+        let items = list.read_back(ctx).unwrap();
+        (list, items)
     }
 }
 
@@ -240,4 +248,28 @@ pub fn assert_nearly_all_close(
             expected[i],
         );
     }
+}
+
+/// Samples of every cell: the same points and directions, and light within `relative` plus `absolute` of the largest, with at
+/// most `outliers` exceptions.
+#[track_caller]
+pub fn assert_same_samples(
+    case: &str,
+    got: &[Vec<ScatterSample>],
+    expected: &[Vec<ScatterSample>],
+    relative: f32,
+    absolute: f32,
+    outliers: usize,
+) {
+    let sizes = |cells: &[Vec<ScatterSample>]| cells.iter().map(Vec::len).collect::<Vec<_>>();
+    assert_eq!(sizes(got), sizes(expected), "{case}: samples of every cell");
+    let (got, expected): (Vec<_>, Vec<_>) = (got.iter().flatten().collect(), expected.iter().flatten().collect());
+    for (i, (a, b)) in got.iter().zip(&expected).enumerate() {
+        assert_eq!(a.point, b.point, "{case}: point of sample {i}");
+        let turn = Vec3::from(a.travel).distance(Vec3::from(b.travel));
+        assert!(turn < 1e-4, "{case}: direction of sample {i}: {:?} instead of {:?}", a.travel, b.travel);
+    }
+    let light =
+        |samples: Vec<&ScatterSample>| samples.iter().map(|s| Vec3::from(s.light).extend(0.0)).collect::<Vec<_>>();
+    assert_nearly_all_close(case, &light(got), &light(expected), relative, absolute, outliers);
 }

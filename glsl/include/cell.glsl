@@ -1,0 +1,75 @@
+// Cells: what scattered light is computed in. Cell c spans the eight voxel centres c − 1 + {0, 1}³, cut to the volume, so
+// that (dims + 1) cells fill it and every field is trilinear within one.
+//
+// Every cell has eight points, one per octant, at the same random place in each: a rule that integrates products of
+// trilinear functions nearly as well as Gauss's two points per axis, and without its bias for steeper ones.
+#ifndef CELL_GLSL
+#define CELL_GLSL
+#include "scene.glsl"
+#include "rng.glsl"
+
+struct Cell {
+    ivec3 index;
+    // Where it begins, and its edges: half as long at the volume's faces. Index space.
+    vec3 low;
+    vec3 size;
+    // Place of the points in their octants, 0 to 1.
+    vec3 shift;
+};
+
+ivec3 cell_from_linear(uint i) {
+    uvec3 counts = scene.dims + 1u;
+    uint row = i / counts.x;
+    return ivec3(i - row * counts.x, row % counts.y, row / counts.y);
+}
+
+Cell make_cell(ivec3 index) {
+    vec3 low = max(vec3(index) - 0.5, 0.0);
+    vec3 high = min(vec3(index) + 0.5, vec3(scene.dims));
+    uvec3 counts = scene.dims + 1u;
+    uint linear = (uint(index.z) * counts.y + uint(index.y)) * counts.x + uint(index.x);
+    uint key = stream_key(linear, CELL_STREAM, scene.seed_low, scene.seed_high);
+    vec3 shift = vec3(random_float(key, 0u), random_float(key, 1u), random_float(key, 2u));
+    return Cell(index, low, high - low, shift);
+}
+
+// Bit k of `corner` or `point` says: the upper one along axis k.
+bvec3 upper_bits(uint corner) {
+    return bvec3(corner & 1u, corner >> 1u & 1u, corner >> 2u & 1u);
+}
+
+// Voxel at a corner; beyond the volume's faces there is none, and the weight is zero.
+ivec3 corner_voxel(Cell cell, uint corner) {
+    return cell.index - 1 + ivec3(upper_bits(corner));
+}
+
+bool is_voxel(ivec3 voxel) {
+    return all(greaterThanEqual(voxel, ivec3(0))) && all(lessThan(voxel, ivec3(scene.dims)));
+}
+
+// Place of a point within the cell, 0 to 1.
+vec3 point_place(Cell cell, uint point) {
+    return 0.5 * (cell.shift + vec3(upper_bits(point)));
+}
+
+vec3 position_of(Cell cell, vec3 place) {
+    return cell.low + cell.size * place;
+}
+
+// Weight of the upper voxels along every axis. Beyond the last centre the edge value holds.
+vec3 upper_weight(Cell cell, vec3 place) {
+    vec3 weight = mix(place, vec3(0.0), equal(cell.index, ivec3(scene.dims)));
+    return mix(weight, vec3(1.0), equal(cell.index, ivec3(0)));
+}
+
+float corner_weight(vec3 upper, uint corner) {
+    vec3 w = mix(1.0 - upper, upper, upper_bits(corner));
+    return w.x * w.y * w.z;
+}
+
+// The point that sample k of a cell is taken at: each point once in eight samples, four samples on no common edge. `flip`
+// (0 to 7, random) makes every point equally likely whatever k. The quotient keeps every second of k, fourth, ... spread.
+uint point_of_sample(uint k, uint flip) {
+    return (0x12476530u >> 4u * ((k + k / CELL_POINTS) % CELL_POINTS) & 7u) ^ flip;
+}
+#endif

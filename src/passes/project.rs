@@ -1,0 +1,301 @@
+//! The projection: from samples of scattered light in cells to the source that is stored per voxel
+//! (`glsl/project_deposit.comp`, `glsl/project_solve.comp`).
+//!
+//! A source is extinction times a function that is trilinear between values at the voxels. The values are those that meet
+//! the sampled σ_s L best in the least-squares sense: a finite-element solution. Light falls off within a voxel where the
+//! medium is dense; values at voxel centres alone would miss what lies between them.
+
+use super::compact::{Chunk, ChunkArgs, List};
+use super::scene_data::SceneData;
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use crate::Result;
+use crate::abi::{ProjectDepositPush, ProjectSolvePush, ScatterSample};
+use crate::shaders;
+use crate::vk::{Access, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
+use std::ops::Range;
+
+/// Source of one order: σ (A + B·ω), ω the propagation direction; B = 0 where g = 0.
+#[derive(Clone)]
+pub struct Source {
+    /// rgb = A, a = extinction.
+    pub a: Image,
+    /// B's x, y, z; a 1×1×1 image where g = 0.
+    pub b: [Image; 3],
+}
+
+impl Source {
+    /// Images for a source. Zeroed by [`Source::clear`], not here.
+    pub fn new(ctx: &Context, dims: [u32; 3], is_anisotropic: bool) -> Result<Self> {
+        let small = if is_anisotropic { dims } else { [1; 3] };
+        let image = |name, dims| ctx.image_3d(name, dims, ImageFormat::Rgba16Float);
+        let b = [image("source.x", small)?, image("source.y", small)?, image("source.z", small)?];
+        Ok(Self { a: image("source.a", dims)?, b })
+    }
+
+    /// Sets everything to zero ([`Access::TransferWrite`]).
+    pub fn clear(&self, rec: &mut Recorder) {
+        rec.clear_image(&self.a);
+        for b in &self.b {
+            rec.clear_image(b);
+        }
+    }
+}
+
+/// What a pass that scatters light reads, and where its samples go.
+#[derive(Clone, Copy)]
+pub struct Scattering<'a> {
+    /// The scene.
+    pub scene: &'a SceneData,
+    /// Empty space, which rays skip.
+    pub emptiness: &'a Image,
+    /// Extinction in its fourth component.
+    pub field: &'a Image,
+    /// What takes the samples.
+    pub projection: &'a Projection,
+    /// Arguments of kernels with one invocation per cell of the list.
+    pub args: &'a ChunkArgs,
+    /// Another order follows.
+    pub has_next: bool,
+}
+
+impl Scattering<'_> {
+    /// Takes `samples` samples of every cell of a chunk in as many dispatches as the loop budget for rays of `step` voxels
+    /// and the room for samples need. `trace` records the dispatch of a range of them.
+    pub(super) fn record_blocks(
+        &self,
+        rec: &mut Recorder,
+        chunk: &Chunk<'_>,
+        samples: u32,
+        step: f32,
+        is_seen: bool,
+        mut trace: impl FnMut(&mut Recorder, Range<u32>),
+    ) {
+        let most = rays_per_invocation(self.scene.params.dims, step).min(self.projection.slots);
+        for begin in (0..samples).step_by(most as usize) {
+            let block = begin..samples.min(begin + most);
+            let slots = block.end - block.start;
+            order_compute(rec);
+            trace(rec, block);
+            self.projection.record_deposit(rec, self.scene, chunk, self.args, slots, is_seen, self.has_next);
+        }
+    }
+}
+
+/// Right-hand sides, and everything else that a projection needs.
+pub struct Projection {
+    /// Without and with a next order.
+    deposit: [Pipeline; 2],
+    solve: Pipeline,
+    is_anisotropic: bool,
+    samples: Buffer<ScatterSample>,
+    slots: u32,
+    /// Of A, B by component, and the eye's share; single texels where g = 0 and they are not used.
+    sums: [Image; 5],
+    scratch: Image,
+    factors: Vec<f32>,
+}
+
+/// Most samples of a cell between two deposits: the loop of `project_deposit.comp`.
+const MAX_SLOTS: u64 = 32;
+/// Room for the samples of a chunk [bytes].
+const SAMPLES_BYTES: u64 = 64 << 20;
+
+/// Smallest eigenvalue of D⁻¹M that the steps are made for. Fields that vary along one axis have at least 1/3; what is
+/// smaller varies along several at once from voxel to voxel, is mostly noise, and is met less exactly.
+const LEAST_EIGENVALUE: f64 = 1.0 / 9.0;
+
+/// Factors of `steps` Richardson steps for eigenvalues from `LEAST_EIGENVALUE` to 1: the inverse roots of Chebyshev's
+/// polynomial, large and small ones by turns, since large ones alone would blow up rounding errors.
+pub fn step_factors(steps: u32) -> Vec<f32> {
+    let (middle, half) = (0.5 * (1.0 + LEAST_EIGENVALUE), 0.5 * (1.0 - LEAST_EIGENVALUE));
+    let n = f64::from(steps);
+    let root = |k: u32| middle - half * ((f64::from(k) + 0.5) * std::f64::consts::PI / n).cos();
+    let order = (0..steps).map(|i| if i % 2 == 0 { i / 2 } else { steps - 1 - i / 2 });
+    order.map(|k| (1.0 / root(k)) as f32).collect()
+}
+
+impl Projection {
+    /// Makes pipelines and memory for chunks of `chunk_items` cells. `steps` of the solution, at least one, follow the first
+    /// guess.
+    pub fn new(ctx: &Context, scene: &SceneData, chunk_items: u32, steps: u32, has_next: bool) -> Result<Self> {
+        let is_anisotropic = scene.params.g != 0.0;
+        let deposit = |has_next: bool| {
+            let common = [("WORKGROUP", LIST_WORKGROUP), ("ANISOTROPIC", is_anisotropic.into())];
+            Pipeline::new(ctx, &shaders::PROJECT_DEPOSIT, &[common[0], common[1], ("HAS_NEXT", has_next.into())])
+        };
+        let bytes = u64::from(chunk_items) * size_of::<ScatterSample>() as u64;
+        let slots = (SAMPLES_BYTES / bytes).clamp(1, MAX_SLOTS) as u32;
+        let dims = scene.params.dims;
+        let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, ImageFormat::Rgba32Float);
+        let has_b = is_anisotropic && has_next;
+        Ok(Self {
+            deposit: [deposit(false)?, deposit(true)?],
+            solve: Pipeline::new(ctx, &shaders::PROJECT_SOLVE, &[("WORKGROUP", LIST_WORKGROUP)])?,
+            is_anisotropic,
+            samples: ctx.device_buffer("project.samples", (chunk_items * slots) as usize)?,
+            slots,
+            sums: [
+                sum("project.a", has_next || !is_anisotropic)?,
+                sum("project.x", has_b)?,
+                sum("project.y", has_b)?,
+                sum("project.z", has_b)?,
+                sum("project.eye", is_anisotropic)?,
+            ],
+            scratch: ctx.image_3d("project.scratch", dims, ImageFormat::Rgba16Float)?,
+            factors: step_factors(steps),
+        })
+    }
+
+    /// Where the samples of a chunk's cells go, `[slot][item]`.
+    pub fn samples(&self) -> &Buffer<ScatterSample> {
+        &self.samples
+    }
+
+    /// Samples of a cell that there is room for.
+    pub fn slots(&self) -> u32 {
+        self.slots
+    }
+
+    /// Right-hand sides of A, B by component, and the eye's share, for tests.
+    pub fn sums(&self) -> &[Image; 5] {
+        &self.sums
+    }
+
+    /// Does the eye see what [`Self::record_solve_eye`] finds, instead of A?
+    pub fn has_eye(&self) -> bool {
+        self.is_anisotropic
+    }
+
+    /// Empties scratch memory and all right-hand sides ([`Access::TransferWrite`]). Once, before the first order.
+    pub fn record_clear_all(&self, rec: &mut Recorder) {
+        for image in self.sums.iter().chain([&self.scratch]) {
+            rec.clear_image(image);
+        }
+    }
+
+    /// Starts an order: empties its right-hand sides. Ordered between all compute accesses before and after.
+    pub fn record_clear(&self, rec: &mut Recorder) {
+        rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
+        for image in &self.sums[..4] {
+            rec.clear_image(image);
+        }
+        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+    }
+
+    /// Adds the samples of a chunk's cells, `slots` of each. `is_seen`: the eye shall see them through what is stored.
+    /// `has_next`: the next order needs them.
+    ///
+    /// Ordered after all compute accesses before; ends with the right-hand sides written by compute.
+    #[allow(clippy::too_many_arguments, reason = "what is read, and for whom")]
+    pub fn record_deposit(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        chunk: &Chunk<'_>,
+        args: &ChunkArgs,
+        slots: u32,
+        is_seen: bool,
+        has_next: bool,
+    ) {
+        let [a, x, y, z, eye] = &self.sums;
+        for corner in 0..8 {
+            order_compute(rec);
+            let push = ProjectDepositPush {
+                chunk_begin: chunk.begin,
+                chunk_items: chunk.items,
+                slots,
+                corner,
+                is_seen: is_seen.into(),
+            };
+            let binds = [
+                ("scene_block", scene.block.bind()),
+                ("samples", self.samples.bind()),
+                ("sum_a", a.storage()),
+                ("sum_x", x.storage()),
+                ("sum_y", y.storage()),
+                ("sum_z", z.storage()),
+                ("sum_eye", eye.storage()),
+            ];
+            chunk.dispatch(rec, &self.deposit[usize::from(has_next)], &binds, &push, args);
+        }
+    }
+
+    /// Solves for the order's source. `nodes` with its chunks' `args`; `total` has the extinction. `is_seen`: A is added to
+    /// `total`, for g = 0.
+    ///
+    /// Ordered after all compute accesses before; ends with `source` and `total` written by compute.
+    #[allow(clippy::too_many_arguments, reason = "what is read and written is named one by one")]
+    pub fn record_solve(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        nodes: &List,
+        args: &ChunkArgs,
+        source: &Source,
+        total: &Image,
+        is_seen: bool,
+    ) {
+        self.solve(rec, scene, nodes, args, &self.sums[0], &source.a, total, is_seen);
+        if self.is_anisotropic {
+            for (sums, b) in self.sums[1..4].iter().zip(&source.b) {
+                self.solve(rec, scene, nodes, args, sums, b, total, false);
+            }
+        }
+    }
+
+    /// For g ≠ 0, after the last order: adds what the eye sees to `total`. `source` is overwritten.
+    ///
+    /// Ordered as [`Self::record_solve`].
+    pub fn record_solve_eye(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        nodes: &List,
+        args: &ChunkArgs,
+        source: &Source,
+        total: &Image,
+    ) {
+        self.solve(rec, scene, nodes, args, &self.sums[4], &source.a, total, true);
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "what is read and written is named one by one")]
+    fn solve(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        nodes: &List,
+        args: &ChunkArgs,
+        sums: &Image,
+        solution: &Image,
+        total: &Image,
+        adds: bool,
+    ) {
+        // The last step writes to `solution`.
+        let last = self.factors.len();
+        let target = |step: usize| if (last - step).is_multiple_of(2) { solution } else { &self.scratch };
+        for step in 0..=last {
+            // Extinction is wherever the step before wrote, and in `total` from the beginning.
+            let before = if step == 0 { total } else { target(step - 1) };
+            // Only the last step, which is not the first, touches what it adds to.
+            let seen = if step == 0 { target(1) } else { total };
+            for chunk in nodes.chunks() {
+                order_compute(rec);
+                let push = ProjectSolvePush {
+                    chunk_begin: chunk.begin,
+                    chunk_items: chunk.items,
+                    is_first: (step == 0).into(),
+                    adds: (adds && step == last).into(),
+                    factor: if step == 0 { 0.0 } else { self.factors[step - 1] },
+                };
+                let binds = [
+                    ("scene_block", scene.block.bind()),
+                    ("sums", sums.sampled(Filter::Nearest)),
+                    ("before", before.sampled(Filter::Nearest)),
+                    ("after", target(step).storage()),
+                    ("total", seen.storage()),
+                ];
+                chunk.dispatch(rec, &self.solve, &binds, &push, args);
+            }
+        }
+    }
+}
