@@ -11,6 +11,7 @@
 //
 // Grid: x, y = pixels of a band of rows. Every invocation renders its own pixel's samples, one after another, and stops
 // where its loop budget ends; the next dispatch goes on from the saved state, so that no path is ever cut short.
+#define SCENE_COPIED
 #define LIGHTS_BINDING 5
 #define ENVIRONMENT_BINDING 6
 #define ENVIRONMENT_SAMPLING
@@ -95,12 +96,15 @@ const uint COLLIDED = 1u;
 const uint PASSED = 2u;
 
 uint pixel_index;
+// Parts of every draw's input: number of the round's first sample, and the seed's hash.
+uint first_sample;
+uint seed;
 PathState path;
 // Weight of the path, if it was cut at the cap.
 float truncated = 0.0;
 
 uvec4 draw() {
-    return pcg4d(uvec4(pixel_index, sample_begin + path.done, path.draws++, pcg_hash(scene.seed_low ^ pcg_hash(scene.seed_high))));
+    return pcg4d(uvec4(pixel_index, first_sample + path.done, path.draws++, seed));
 }
 
 // Exponentially distributed with mean 1: −ln(1 − u), u a word over 2³². Small u by the series, so that thin media are
@@ -274,11 +278,14 @@ bool pass() {
 }
 
 void main() {
+    scene = scene_in_memory;
     uvec2 pixel = uvec2(gl_GlobalInvocationID.x, row_begin + gl_GlobalInvocationID.y);
     if (pixel.x >= scene.size.x || pixel.y >= row_end) {
         return;
     }
     pixel_index = pixel.y * scene.size.x + pixel.x;
+    first_sample = sample_begin;
+    seed = pcg_hash(scene.seed_low ^ pcg_hash(scene.seed_high));
     uint slot = pixel_index - row_begin * scene.size.x;
     path = paths[slot];
     uint begun = path.done;
