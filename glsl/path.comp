@@ -35,7 +35,7 @@ layout(constant_id = 6) const bool EMITS = false;
 // Paths end by Russian roulette, and where their scatterings reach the cap.
 layout(constant_id = 7) const bool UNLIMITED = false;
 
-layout(set = 0, binding = 2, scalar) readonly buffer Majorants { float majorants[]; };
+layout(set = 0, binding = 2) uniform sampler3D majorants;
 layout(set = 0, binding = 3) uniform sampler3D extinction;
 layout(set = 0, binding = 4) uniform sampler3D scalar;
 
@@ -316,8 +316,7 @@ void main() {
         uint crowd = subgroupBallotBitCount(subgroupBallot(true));
         while (outcome == TRACKING && spent < budget) {
             spent++;
-            uint at = (uint(path.cell.z) * cells.y + uint(path.cell.y)) * cells.x + uint(path.cell.x);
-            float majorant = majorants[at];
+            float majorant = texelFetch(majorants, path.cell, 0).r;
             int reach = majorant > 0.0 ? 1 : int(-majorant);
             // The box of cells in which the majorant holds, and where the ray leaves it.
             ivec3 low = path.cell - (reach - 1);

@@ -42,7 +42,7 @@ fn check(ctx: &Context, name: &str, scene: &Scene) {
         assert!(got.len() == expected.len() && wrong == 0, "{name}: {wrong} of {} {what} are wrong", expected.len());
     };
     close(&ctx.read_back_image(render.tracer().extinction()).unwrap(), &extinction.texels, "extinctions");
-    close(&ctx.read_back(render.tracer().majorants()).unwrap(), &majorants.texels, "majorants");
+    close(&ctx.read_back_image(render.tracer().majorants()).unwrap(), &majorants.texels, "majorants");
 
     let samples = scene.settings.spp;
     render.advance(samples, &mut |_| ControlFlow::Continue(())).unwrap();
