@@ -35,8 +35,8 @@ layout(constant_id = 6) const bool EMITS = false;
 // Paths end by Russian roulette, and where their scatterings reach the cap.
 layout(constant_id = 7) const bool UNLIMITED = false;
 
-layout(set = 0, binding = 2) uniform sampler3D majorants;
-layout(set = 0, binding = 3) uniform sampler3D extinction;
+layout(set = 0, binding = 2, r32f) readonly uniform image3D majorants;
+layout(set = 0, binding = 3, r32f) readonly uniform image3D extinction;
 layout(set = 0, binding = 4) uniform sampler3D scalar;
 
 // A path under way, and what the invocation keeps between dispatches.
@@ -316,7 +316,7 @@ void main() {
         uint crowd = subgroupBallotBitCount(subgroupBallot(true));
         while (outcome == TRACKING && spent < budget) {
             spent++;
-            float majorant = texelFetch(majorants, path.cell, 0).r;
+            float majorant = imageLoad(majorants, path.cell).r;
             int reach = majorant > 0.0 ? 1 : int(-majorant);
             // The box of cells in which the majorant holds, and where the ray leaves it.
             ivec3 low = path.cell - (reach - 1);
@@ -333,7 +333,7 @@ void main() {
             vec3 p = ray.origin + ray.direction * path.t;
             vec3 jitter = unit_floats(uvec4(words.zw, words.z << 24u | (words.w & 255u) << 16u | (words.y & 255u) << 8u, 0u)).xyz;
             ivec3 voxel = clamp(ivec3(floor(p + jitter - 0.5)), ivec3(0), ivec3(scene.dims) - 1);
-            float ratio = collides ? texelFetch(extinction, voxel, 0).r / majorant : 0.0;
+            float ratio = collides ? imageLoad(extinction, voxel).r / majorant : 0.0;
             bool shadow = path.stage == PATH_SHADOW;
             float u = unit_float(words.y);
             if (shadow) {

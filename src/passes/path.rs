@@ -145,8 +145,8 @@ impl PathTracer {
         let mut binds = vec![
             ("scene_block", scene.block.bind()),
             ("transfer_block", scene.transfer.bind()),
-            ("majorants", self.majorants.sampled(Filter::Nearest)),
-            ("extinction", self.extinction.sampled(Filter::Nearest)),
+            ("majorants", self.majorants.storage()),
+            ("extinction", self.extinction.storage()),
             ("scalar", scene.scalar.sampled(Filter::Nearest)),
             ("lights", scene.lights.bind()),
             ("environment_image", scene.environment_image.sampled(Filter::Nearest)),
