@@ -34,6 +34,8 @@ layout(constant_id = 5) const bool LIT = false;
 layout(constant_id = 6) const bool EMITS = false;
 // Paths end by Russian roulette, and where their scatterings reach the cap.
 layout(constant_id = 7) const bool UNLIMITED = false;
+// All of the medium has one albedo.
+layout(constant_id = 9) const bool EVEN_ALBEDO = false;
 
 layout(set = 0, binding = 2, r32f) readonly uniform image3D majorants;
 layout(set = 0, binding = 3, r32f) readonly uniform image3D extinction;
@@ -99,6 +101,8 @@ uint pixel_index;
 // Parts of every draw's input: number of the round's first sample, and the seed's hash.
 uint first_sample;
 uint seed;
+// Albedo at the transfer function's first point.
+vec3 first_albedo;
 PathState path;
 // Weight of the path, if it was cut at the cap.
 float truncated = 0.0;
@@ -194,10 +198,15 @@ void aim_at_environment(vec3 travelled, vec3 throughput, vec3 u) {
 
 // A collision at the current position, in `voxel`: emission, albedo, light, new direction. False ends the path.
 bool scatter(ivec3 voxel) {
-    Material m = classify(texelFetch(scalar, voxel, 0).r);
-    vec3 albedo = albedo_of(m);
-    if (EMITS) {
-        path.radiance += path.throughput * (1.0 - albedo) * m.emission;
+    vec3 albedo;
+    if (EVEN_ALBEDO) {
+        albedo = first_albedo;
+    } else {
+        Material m = classify(texelFetch(scalar, voxel, 0).r);
+        albedo = albedo_of(m);
+        if (EMITS) {
+            path.radiance += path.throughput * (1.0 - albedo) * m.emission;
+        }
     }
     vec3 throughput = path.throughput * albedo;
     float most = max(throughput.r, max(throughput.g, throughput.b));
@@ -232,14 +241,18 @@ bool scatter(ivec3 voxel) {
     bool lit = LIT;
     bool sky = ENVIRONMENT == ENVIRONMENT_IMAGE;
     if (lit || sky) {
-        vec4 v = unit_floats(draw());
         path.transmittance = 1.0;
-        // One of the two, by an even chance where there are both.
-        float weight = lit && sky ? 2.0 : 1.0;
-        if (lit && !(sky && u.z < 0.5)) {
-            aim_at_light(travelled, weight * throughput, v.x);
+        if (!sky) {
+            aim_at_light(travelled, throughput, u.z);
         } else {
-            aim_at_environment(travelled, weight * throughput, v.yzw);
+            // One of the two, by an even chance where there are both.
+            float weight = lit ? 2.0 : 1.0;
+            vec4 v = unit_floats(draw());
+            if (lit && u.z >= 0.5) {
+                aim_at_light(travelled, weight * throughput, v.x);
+            } else {
+                aim_at_environment(travelled, weight * throughput, v.yzw);
+            }
         }
     }
     return true;
@@ -279,6 +292,7 @@ bool pass() {
 
 void main() {
     scene = scene_in_memory;
+    first_albedo = clamp(transfer[0].color * scene.albedo_scale, 0.0, 1.0);
     uvec2 pixel = uvec2(gl_GlobalInvocationID.x, row_begin + gl_GlobalInvocationID.y);
     if (pixel.x >= scene.size.x || pixel.y >= row_end) {
         return;

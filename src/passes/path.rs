@@ -50,7 +50,9 @@ impl PathTracer {
             ("ENVIRONMENT", scene.environment),
             ("BACKGROUND", super::camera::behind(background)),
             ("LIT", (scene.light_count > 0).into()),
+            ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("EMITS", scene.has_emission.into()),
+            ("EVEN_ALBEDO", (!scene.has_emission && scene.points.iter().all(|p| p.color == scene.points[0].color)).into()),
             ("UNLIMITED", config.is_unlimited.into()),
         ];
         let [rows, columns] = [p.environment_size[1], p.environment_size[0]];
