@@ -145,6 +145,23 @@ uint begin_path() {
     return ray.begin < ray.end ? TRACKING : PASSED;
 }
 
+// A ray from the current position, index space: direction per world unit, its inverse, and where it leaves the volume.
+struct Leg {
+    vec3 direction;
+    vec3 inverse;
+    float end;
+};
+
+// What make_ray() does for a start within the volume; precise, so that a leg is the same bytes whether a dispatch
+// begins with it or comes to it.
+Leg leg_towards(vec3 world) {
+    precise vec3 d = scene.index_of_x * world.x + scene.index_of_y * world.y + scene.index_of_z * world.z;
+    vec3 least = vec3(max(abs(d.x), max(abs(d.y), abs(d.z))) * 1e-12);
+    precise vec3 inverse = 1.0 / mix(d, least, lessThan(abs(d), least));
+    precise vec3 far = max(-path.position * inverse, (vec3(scene.dims) - path.position) * inverse);
+    return Leg(d, inverse, min(far.x, min(far.y, far.z)));
+}
+
 // Adds (a, b), an unevaluated sum, to itself and `x` (Knuth's two-sum).
 void add_exactly(inout vec4 high, inout vec4 low, vec4 x) {
     precise vec4 sum = high + x;
@@ -265,13 +282,8 @@ bool has_more() {
     return path.scatterings < orders || emits || sky;
 }
 
-// A ray has left the volume or reached its light. False ends the path.
-bool pass() {
-    if (path.stage == PATH_SHADOW) {
-        path.radiance += path.pending * path.transmittance;
-        set_out(PATH_FLIGHT, path.next);
-        return has_more();
-    }
+// A flight has left the volume, or has nothing to gather any more: the path ends.
+void leave() {
     if (path.scatterings == 0u) {
         if (BACKGROUND == BACKGROUND_COLOR) {
             path.radiance += scene.background;
@@ -287,7 +299,6 @@ bool pass() {
         float weight = path.density / (path.density + environment_density(path.direction));
         path.radiance += path.throughput * weight * environment_radiance(path.direction);
     }
-    return false;
 }
 
 void main() {
@@ -324,8 +335,10 @@ void main() {
         if (path.stage == PATH_START) {
             outcome = begin_path();
         }
-        Ray ray = make_ray(path.position, path.direction, 1.0);
-        float limit = path.stage == PATH_SHADOW ? min(ray.end, path.reach) : ray.end;
+        Leg leg = leg_towards(path.direction);
+        // The flight that follows a shadow ray sets out from the same place, without coming back here.
+        Leg onward = leg_towards(path.next);
+        float limit = path.stage == PATH_SHADOW ? min(leg.end, path.reach) : leg.end;
         ivec3 hit = ivec3(0);
         uint crowd = subgroupBallotBitCount(subgroupBallot(true));
         while (outcome == TRACKING && spent < budget) {
@@ -335,16 +348,16 @@ void main() {
             // The box of cells in which the majorant holds, and where the ray leaves it.
             ivec3 low = path.cell - (reach - 1);
             ivec3 high = path.cell + reach;
-            bvec3 up = greaterThan(ray.inverse, vec3(0.0));
+            bvec3 up = greaterThan(leg.inverse, vec3(0.0));
             vec3 face = vec3(mix(low, high, up)) * float(CELL_SIZE);
-            vec3 exits = (face - ray.origin) * ray.inverse;
+            vec3 exits = (face - path.position) * leg.inverse;
             float exit = max(path.t, min(exits.x, min(exits.y, exits.z)));
             float end = min(exit, limit);
             uvec4 words = draw();
             float flown = majorant > 0.0 ? path.t + exponential(words.x) / (majorant * scene.max_extinction) : 3.0e38;
             bool collides = flown < end;
             path.t = collides ? flown : end;
-            vec3 p = ray.origin + ray.direction * path.t;
+            vec3 p = path.position + leg.direction * path.t;
             vec3 jitter = unit_floats(uvec4(words.zw, words.z << 24u | (words.w & 255u) << 16u | (words.y & 255u) << 8u, 0u)).xyz;
             ivec3 voxel = clamp(ivec3(floor(p + jitter - 0.5)), ivec3(0), ivec3(scene.dims) - 1);
             float ratio = collides ? imageLoad(extinction, voxel).r / majorant : 0.0;
@@ -356,29 +369,36 @@ void main() {
                 if (collides && path.transmittance < 0.1) {
                     path.transmittance = u < 0.5 ? 0.0 : 2.0 * path.transmittance;
                 }
-                outcome = path.transmittance > 0.0 ? outcome : PASSED;
             } else if (u < ratio) {
                 hit = voxel;
                 outcome = COLLIDED;
             }
             if (!collides) {
-                outcome = exit < limit ? outcome : PASSED;
                 // Into the next cell: exactly across the face that the ray leaves by.
                 bvec3 across = equal(exits, vec3(min(exits.x, min(exits.y, exits.z))));
                 ivec3 inside = clamp(ivec3(floor(p / float(CELL_SIZE))), low, high - 1);
                 path.cell = clamp(mix(inside, mix(low - 1, high, up), across), ivec3(0), ivec3(cells) - 1);
             }
+            bool passes = !collides && exit >= limit;
+            if (shadow && (passes || path.transmittance <= 0.0)) {
+                path.radiance += path.pending * path.transmittance;
+                set_out(PATH_FLIGHT, path.next);
+                leg = onward;
+                limit = leg.end;
+                passes = !has_more();
+            }
+            outcome = passes ? PASSED : outcome;
             // Where few still fly, those that are done go on.
             if (2u * subgroupBallotBitCount(subgroupBallot(outcome == TRACKING)) < crowd) {
                 break;
             }
         }
-        bool alive = true;
+        bool alive = outcome != PASSED;
         if (outcome == COLLIDED) {
-            path.position = clamp(ray.origin + ray.direction * path.t, vec3(0.0), vec3(scene.dims));
+            path.position = clamp(path.position + leg.direction * path.t, vec3(0.0), vec3(scene.dims));
             alive = scatter(hit);
         } else if (outcome == PASSED) {
-            alive = pass();
+            leave();
         }
         if (!alive) {
             float opacity = BACKGROUND == BACKGROUND_TRANSPARENT && path.scatterings == 0u && outcome == PASSED ? 0.0 : 1.0;
