@@ -9,8 +9,7 @@ layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
 layout(set = 0, binding = 1) uniform sampler3D extinction;
 layout(set = 0, binding = 2) uniform usampler3D emptiness;
-// x fastest.
-layout(set = 0, binding = 3, scalar) writeonly buffer Majorants { float majorants[]; };
+layout(set = 0, binding = 3, r32f) writeonly uniform image3D majorants;
 
 void main() {
     uvec3 cell = gl_GlobalInvocationID;
@@ -30,5 +29,5 @@ void main() {
         }
     }
     float reach = max(1.0, float(texelFetch(emptiness, ivec3(cell), 0).r));
-    majorants[(cell.z * cells.y + cell.y) * cells.x + cell.x] = most > 0.0 ? most : -reach;
+    imageStore(majorants, ivec3(cell), vec4(most > 0.0 ? most : -reach));
 }

@@ -11,6 +11,7 @@
 //
 // Grid: x, y = pixels of a band of rows. Every invocation renders its own pixel's samples, one after another, and stops
 // where its loop budget ends; the next dispatch goes on from the saved state, so that no path is ever cut short.
+#define SCENE_COPIED
 #define LIGHTS_BINDING 5
 #define ENVIRONMENT_BINDING 6
 #define ENVIRONMENT_SAMPLING
@@ -33,9 +34,11 @@ layout(constant_id = 5) const bool LIT = false;
 layout(constant_id = 6) const bool EMITS = false;
 // Paths end by Russian roulette, and where their scatterings reach the cap.
 layout(constant_id = 7) const bool UNLIMITED = false;
+// All of the medium has one albedo.
+layout(constant_id = 9) const bool EVEN_ALBEDO = false;
 
-layout(set = 0, binding = 2, scalar) readonly buffer Majorants { float majorants[]; };
-layout(set = 0, binding = 3) uniform sampler3D extinction;
+layout(set = 0, binding = 2, r32f) readonly uniform image3D majorants;
+layout(set = 0, binding = 3, r32f) readonly uniform image3D extinction;
 layout(set = 0, binding = 4) uniform sampler3D scalar;
 
 // A path under way, and what the invocation keeps between dispatches.
@@ -95,12 +98,17 @@ const uint COLLIDED = 1u;
 const uint PASSED = 2u;
 
 uint pixel_index;
+// Parts of every draw's input: number of the round's first sample, and the seed's hash.
+uint first_sample;
+uint seed;
+// Albedo at the transfer function's first point.
+vec3 first_albedo;
 PathState path;
 // Weight of the path, if it was cut at the cap.
 float truncated = 0.0;
 
 uvec4 draw() {
-    return pcg4d(uvec4(pixel_index, sample_begin + path.done, path.draws++, pcg_hash(scene.seed_low ^ pcg_hash(scene.seed_high))));
+    return pcg4d(uvec4(pixel_index, first_sample + path.done, path.draws++, seed));
 }
 
 // Exponentially distributed with mean 1: −ln(1 − u), u a word over 2³². Small u by the series, so that thin media are
@@ -135,6 +143,23 @@ uint begin_path() {
     path.position = clamp(ray.origin + ray.direction * ray.begin, vec3(0.0), vec3(scene.dims));
     set_out(PATH_FLIGHT, direction);
     return ray.begin < ray.end ? TRACKING : PASSED;
+}
+
+// A ray from the current position, index space: direction per world unit, its inverse, and where it leaves the volume.
+struct Leg {
+    vec3 direction;
+    vec3 inverse;
+    float end;
+};
+
+// What make_ray() does for a start within the volume; precise, so that a leg is the same bytes whether a dispatch
+// begins with it or comes to it.
+Leg leg_towards(vec3 world) {
+    precise vec3 d = scene.index_of_x * world.x + scene.index_of_y * world.y + scene.index_of_z * world.z;
+    vec3 least = vec3(max(abs(d.x), max(abs(d.y), abs(d.z))) * 1e-12);
+    precise vec3 inverse = 1.0 / mix(d, least, lessThan(abs(d), least));
+    precise vec3 far = max(-path.position * inverse, (vec3(scene.dims) - path.position) * inverse);
+    return Leg(d, inverse, min(far.x, min(far.y, far.z)));
 }
 
 // Adds (a, b), an unevaluated sum, to itself and `x` (Knuth's two-sum).
@@ -190,10 +215,15 @@ void aim_at_environment(vec3 travelled, vec3 throughput, vec3 u) {
 
 // A collision at the current position, in `voxel`: emission, albedo, light, new direction. False ends the path.
 bool scatter(ivec3 voxel) {
-    Material m = classify(texelFetch(scalar, voxel, 0).r);
-    vec3 albedo = albedo_of(m);
-    if (EMITS) {
-        path.radiance += path.throughput * (1.0 - albedo) * m.emission;
+    vec3 albedo;
+    if (EVEN_ALBEDO) {
+        albedo = first_albedo;
+    } else {
+        Material m = classify(texelFetch(scalar, voxel, 0).r);
+        albedo = albedo_of(m);
+        if (EMITS) {
+            path.radiance += path.throughput * (1.0 - albedo) * m.emission;
+        }
     }
     vec3 throughput = path.throughput * albedo;
     float most = max(throughput.r, max(throughput.g, throughput.b));
@@ -228,14 +258,18 @@ bool scatter(ivec3 voxel) {
     bool lit = LIT;
     bool sky = ENVIRONMENT == ENVIRONMENT_IMAGE;
     if (lit || sky) {
-        vec4 v = unit_floats(draw());
         path.transmittance = 1.0;
-        // One of the two, by an even chance where there are both.
-        float weight = lit && sky ? 2.0 : 1.0;
-        if (lit && !(sky && u.z < 0.5)) {
-            aim_at_light(travelled, weight * throughput, v.x);
+        if (!sky) {
+            aim_at_light(travelled, throughput, u.z);
         } else {
-            aim_at_environment(travelled, weight * throughput, v.yzw);
+            // One of the two, by an even chance where there are both.
+            float weight = lit ? 2.0 : 1.0;
+            vec4 v = unit_floats(draw());
+            if (lit && u.z >= 0.5) {
+                aim_at_light(travelled, weight * throughput, v.x);
+            } else {
+                aim_at_environment(travelled, weight * throughput, v.yzw);
+            }
         }
     }
     return true;
@@ -248,13 +282,8 @@ bool has_more() {
     return path.scatterings < orders || emits || sky;
 }
 
-// A ray has left the volume or reached its light. False ends the path.
-bool pass() {
-    if (path.stage == PATH_SHADOW) {
-        path.radiance += path.pending * path.transmittance;
-        set_out(PATH_FLIGHT, path.next);
-        return has_more();
-    }
+// A flight has left the volume, or has nothing to gather any more: the path ends.
+void leave() {
     if (path.scatterings == 0u) {
         if (BACKGROUND == BACKGROUND_COLOR) {
             path.radiance += scene.background;
@@ -270,15 +299,18 @@ bool pass() {
         float weight = path.density / (path.density + environment_density(path.direction));
         path.radiance += path.throughput * weight * environment_radiance(path.direction);
     }
-    return false;
 }
 
 void main() {
+    scene = scene_in_memory;
+    first_albedo = clamp(transfer[0].color * scene.albedo_scale, 0.0, 1.0);
     uvec2 pixel = uvec2(gl_GlobalInvocationID.x, row_begin + gl_GlobalInvocationID.y);
     if (pixel.x >= scene.size.x || pixel.y >= row_end) {
         return;
     }
     pixel_index = pixel.y * scene.size.x + pixel.x;
+    first_sample = sample_begin;
+    seed = pcg_hash(scene.seed_low ^ pcg_hash(scene.seed_high));
     uint slot = pixel_index - row_begin * scene.size.x;
     path = paths[slot];
     uint begun = path.done;
@@ -303,31 +335,32 @@ void main() {
         if (path.stage == PATH_START) {
             outcome = begin_path();
         }
-        Ray ray = make_ray(path.position, path.direction, 1.0);
-        float limit = path.stage == PATH_SHADOW ? min(ray.end, path.reach) : ray.end;
+        Leg leg = leg_towards(path.direction);
+        // The flight that follows a shadow ray sets out from the same place, without coming back here.
+        Leg onward = leg_towards(path.next);
+        float limit = path.stage == PATH_SHADOW ? min(leg.end, path.reach) : leg.end;
         ivec3 hit = ivec3(0);
         uint crowd = subgroupBallotBitCount(subgroupBallot(true));
         while (outcome == TRACKING && spent < budget) {
             spent++;
-            uint at = (uint(path.cell.z) * cells.y + uint(path.cell.y)) * cells.x + uint(path.cell.x);
-            float majorant = majorants[at];
+            float majorant = imageLoad(majorants, path.cell).r;
             int reach = majorant > 0.0 ? 1 : int(-majorant);
             // The box of cells in which the majorant holds, and where the ray leaves it.
             ivec3 low = path.cell - (reach - 1);
             ivec3 high = path.cell + reach;
-            bvec3 up = greaterThan(ray.inverse, vec3(0.0));
+            bvec3 up = greaterThan(leg.inverse, vec3(0.0));
             vec3 face = vec3(mix(low, high, up)) * float(CELL_SIZE);
-            vec3 exits = (face - ray.origin) * ray.inverse;
+            vec3 exits = (face - path.position) * leg.inverse;
             float exit = max(path.t, min(exits.x, min(exits.y, exits.z)));
             float end = min(exit, limit);
             uvec4 words = draw();
             float flown = majorant > 0.0 ? path.t + exponential(words.x) / (majorant * scene.max_extinction) : 3.0e38;
             bool collides = flown < end;
             path.t = collides ? flown : end;
-            vec3 p = ray.origin + ray.direction * path.t;
+            vec3 p = path.position + leg.direction * path.t;
             vec3 jitter = unit_floats(uvec4(words.zw, words.z << 24u | (words.w & 255u) << 16u | (words.y & 255u) << 8u, 0u)).xyz;
             ivec3 voxel = clamp(ivec3(floor(p + jitter - 0.5)), ivec3(0), ivec3(scene.dims) - 1);
-            float ratio = collides ? texelFetch(extinction, voxel, 0).r / majorant : 0.0;
+            float ratio = collides ? imageLoad(extinction, voxel).r / majorant : 0.0;
             bool shadow = path.stage == PATH_SHADOW;
             float u = unit_float(words.y);
             if (shadow) {
@@ -336,29 +369,36 @@ void main() {
                 if (collides && path.transmittance < 0.1) {
                     path.transmittance = u < 0.5 ? 0.0 : 2.0 * path.transmittance;
                 }
-                outcome = path.transmittance > 0.0 ? outcome : PASSED;
             } else if (u < ratio) {
                 hit = voxel;
                 outcome = COLLIDED;
             }
             if (!collides) {
-                outcome = exit < limit ? outcome : PASSED;
                 // Into the next cell: exactly across the face that the ray leaves by.
                 bvec3 across = equal(exits, vec3(min(exits.x, min(exits.y, exits.z))));
                 ivec3 inside = clamp(ivec3(floor(p / float(CELL_SIZE))), low, high - 1);
                 path.cell = clamp(mix(inside, mix(low - 1, high, up), across), ivec3(0), ivec3(cells) - 1);
             }
+            bool passes = !collides && exit >= limit;
+            if (shadow && (passes || path.transmittance <= 0.0)) {
+                path.radiance += path.pending * path.transmittance;
+                set_out(PATH_FLIGHT, path.next);
+                leg = onward;
+                limit = leg.end;
+                passes = !has_more();
+            }
+            outcome = passes ? PASSED : outcome;
             // Where few still fly, those that are done go on.
             if (2u * subgroupBallotBitCount(subgroupBallot(outcome == TRACKING)) < crowd) {
                 break;
             }
         }
-        bool alive = true;
+        bool alive = outcome != PASSED;
         if (outcome == COLLIDED) {
-            path.position = clamp(ray.origin + ray.direction * path.t, vec3(0.0), vec3(scene.dims));
+            path.position = clamp(path.position + leg.direction * path.t, vec3(0.0), vec3(scene.dims));
             alive = scatter(hit);
         } else if (outcome == PASSED) {
-            alive = pass();
+            leave();
         }
         if (!alive) {
             float opacity = BACKGROUND == BACKGROUND_TRANSPARENT && path.scatterings == 0u && outcome == PASSED ? 0.0 : 1.0;

@@ -4,6 +4,9 @@
 #define DELTA_LIGHTS_GLSL
 #include "scene.glsl"
 
+// Some of the lights are point lights.
+layout(constant_id = 8) const bool POINT_LIGHTS = true;
+
 struct LightData {
     // Directional (is_point = 0): direction of travel; point: position. World.
     vec3 vector;
@@ -25,7 +28,9 @@ struct LightArrival {
 
 LightArrival light_at(LightData light, vec3 world) {
     LightArrival arrival = LightArrival(light.vector, light.power, 3.0e38);
-    if (light.is_point != 0u) {
+    // Not a constant: reflection cannot evaluate operators on specialization constants.
+    bool point_lights = POINT_LIGHTS;
+    if (point_lights && light.is_point != 0u) {
         vec3 d = world - light.vector;
         arrival.reach = length(d);
         arrival.travel = arrival.reach > 0.0 ? d / arrival.reach : vec3(0.0, 0.0, 1.0);

@@ -50,7 +50,14 @@ struct SceneParams {
     uint seed_high;
 };
 
+// Software devices read buffers lane by lane, at every use anew. A kernel with long loops defines SCENE_COPIED and
+// copies the numbers once, `scene = scene_in_memory`; what it does not use costs nothing.
+#ifdef SCENE_COPIED
+layout(set = 0, binding = 0, scalar) readonly buffer SceneBlock { SceneParams scene_in_memory; };
+SceneParams scene;
+#else
 layout(set = 0, binding = 0, scalar) readonly buffer SceneBlock { SceneParams scene; };
+#endif
 
 vec3 world_from_index(vec3 p) {
     return scene.world_of_x * p.x + scene.world_of_y * p.y + scene.world_of_z * p.z + scene.world_of_origin;

@@ -176,7 +176,7 @@ impl PathScene<'_> {
         if !lit && !sky {
             return Vec3::ZERO;
         }
-        let v = stream.floats();
+        let v = if sky { stream.floats() } else { Vec4::splat(coin) };
         let weight = if lit && sky { 2.0 } else { 1.0 };
         let (towards, reach, light) = if lit && !(sky && coin < 0.5) {
             let world = world_from_index(s, position);

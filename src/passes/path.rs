@@ -26,7 +26,7 @@ pub struct PathTracer {
     majorant_pipeline: Pipeline,
     pipeline: Pipeline,
     extinction: Image,
-    majorants: Buffer<f32>,
+    majorants: Image,
     paths: Buffer<PathState>,
     /// `constants::TALLY_WORDS` words about the latest dispatch.
     pub tally: Buffer<u32>,
@@ -50,7 +50,12 @@ impl PathTracer {
             ("ENVIRONMENT", scene.environment),
             ("BACKGROUND", super::camera::behind(background)),
             ("LIT", (scene.light_count > 0).into()),
+            ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("EMITS", scene.has_emission.into()),
+            (
+                "EVEN_ALBEDO",
+                (!scene.has_emission && scene.points.iter().all(|p| p.color == scene.points[0].color)).into(),
+            ),
             ("UNLIMITED", config.is_unlimited.into()),
         ];
         let [rows, columns] = [p.environment_size[1], p.environment_size[0]];
@@ -62,7 +67,7 @@ impl PathTracer {
             majorant_pipeline: Pipeline::new(ctx, &shaders::MAJORANT, &[])?,
             pipeline: Pipeline::new(ctx, &shaders::PATH, &specialization)?,
             extinction: ctx.image_3d("path.extinction", p.dims, ImageFormat::R32Float)?,
-            majorants: ctx.device_buffer("path.majorants", cells(p.dims).map(|c| c as usize).iter().product())?,
+            majorants: ctx.image_3d("path.majorants", cells(p.dims), ImageFormat::R32Float)?,
             paths: ctx.device_buffer("path.states", band_pixels as usize)?,
             tally: ctx.device_buffer("path.tally", constants::TALLY_WORDS as usize)?,
             sums: [image("path.sums")?, image("path.sums.low")?, image("path.squares")?, image("path.squares.low")?],
@@ -76,8 +81,8 @@ impl PathTracer {
         &self.extinction
     }
 
-    /// Majorants of the macrocells, x fastest.
-    pub fn majorants(&self) -> &Buffer<f32> {
+    /// Majorants of the macrocells.
+    pub fn majorants(&self) -> &Image {
         &self.majorants
     }
 
@@ -106,7 +111,7 @@ impl PathTracer {
             ("scene_block", scene.block.bind()),
             ("extinction", self.extinction.sampled(Filter::Nearest)),
             ("emptiness", emptiness.image.sampled(Filter::Nearest)),
-            ("majorants", self.majorants.bind()),
+            ("majorants", self.majorants.storage()),
         ];
         rec.dispatch(&self.majorant_pipeline, &binds, &(), cells(scene.params.dims).map(|c| c.div_ceil(4)));
     }
@@ -145,8 +150,8 @@ impl PathTracer {
         let mut binds = vec![
             ("scene_block", scene.block.bind()),
             ("transfer_block", scene.transfer.bind()),
-            ("majorants", self.majorants.bind()),
-            ("extinction", self.extinction.sampled(Filter::Nearest)),
+            ("majorants", self.majorants.storage()),
+            ("extinction", self.extinction.storage()),
             ("scalar", scene.scalar.sampled(Filter::Nearest)),
             ("lights", scene.lights.bind()),
             ("environment_image", scene.environment_image.sampled(Filter::Nearest)),

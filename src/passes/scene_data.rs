@@ -23,6 +23,8 @@ pub struct SceneData {
     pub(super) environment_table: Buffer<f32>,
     /// Delta lights.
     pub light_count: u32,
+    /// Are there point lights among them?
+    pub has_point_lights: bool,
     /// `constants::ENVIRONMENT_*`.
     pub environment: u32,
     /// Mean radiance of the environment.
@@ -225,6 +227,7 @@ impl SceneData {
             environment_image,
             environment_table: ctx.upload("environment.table", &table)?,
             light_count: lights.len() as u32,
+            has_point_lights: lights.iter().any(|l| l.is_point != 0),
             environment,
             ambient: scene.environment.as_ref().map_or(Vec3::ZERO, Environment::mean_radiance),
             has_emission: scene.emission_scale > 0.0 && points.iter().any(|p| p.emission.iter().any(|&e| e > 0.0)),
