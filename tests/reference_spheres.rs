@@ -74,10 +74,10 @@ fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
 /// What `path` sees of a sphere of `n` voxels across, the first channel.
 fn deviation(ctx: &Context, probe: &Probe, n: u32) -> (f64, f64) {
     let (scene, reading) = probe.scene(n);
-    let unit = probe.unit();
-    let m = measure(ctx, &scene, unit.map(|u| u * reading.share), PRECISION, MOST_SAMPLES);
-    // The channels of a render share its paths: one of them counts.
-    ((reading.disc(m.mean[0]) - probe.expected[0]) / unit[0], m.error[0] / reading.share / unit[0])
+    let unit = probe.unit()[0];
+    // The channels of a render share its paths: the first counts.
+    let m = measure(ctx, &scene, [unit * reading.share, 0.0, 0.0], PRECISION, MOST_SAMPLES);
+    ((reading.disc(m.mean[0]) - probe.expected[0]) / unit, m.error[0] / reading.share / unit)
 }
 
 /// Measures all probes on all grids and judges them class by class.
