@@ -15,7 +15,7 @@ use bodies::{random_values, turn_scene};
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::ops::ControlFlow;
 use transport::{
-    SLAB_REFLECTED, SLAB_TRANSMITTED, aim, assert_near, homogeneous, matter, mean, sun, unit_cube, voxel_slab,
+    SLAB_REFLECTED, SLAB_TRANSMITTED, aim, assert_near, ball, homogeneous, matter, mean, sun, unit_cube, voxel_slab,
 };
 use tyndall::output::Picture;
 use tyndall::render::{Internals, Renderer};
@@ -160,22 +160,9 @@ fn slab_orders() {
     });
 }
 
-/// A ball of optical radius ½, 1 in the world, at the origin: every voxel's value is the share of it that is inside.
-fn ball(n: u32) -> Scene {
-    let spacing = 2.4 / f64::from(n);
-    let grid = Grid::axis_aligned([n; 3], [spacing; 3], [(spacing - 2.4) / 2.0; 3]);
-    let mut scene = homogeneous(grid, 0.5, Vec3::ONE);
-    let fine = 4u32;
-    let inside = |i: u32, k: u32| (f64::from(i) + (f64::from(k) + 0.5) / f64::from(fine)) * spacing - 1.2;
-    let share = |i: u32| {
-        let (x, y, z) = (i % n, i / n % n, i / n / n);
-        let hits = (0..fine.pow(3)).filter(|k| {
-            let p = DVec3::new(inside(x, k % fine), inside(y, k / fine % fine), inside(z, k / fine / fine));
-            p.length() < 1.0
-        });
-        hits.count() as f32 / fine.pow(3) as f32
-    };
-    scene.volume.data = VoxelData::F32((0..n.pow(3)).map(share).collect());
+/// The ball of optical radius ½ in an environment of radiance 1.
+fn furnace_ball(n: u32) -> Scene {
+    let mut scene = ball(n, 0.5);
     scene.environment = Some(Environment::Constant(Vec3::ONE));
     scene.background = Background::Environment;
     scene.settings.model = Model::Multiple;
@@ -221,7 +208,7 @@ fn white_furnace() {
         for (impact, orders) in BALL_ORDERS {
             let mut before = 0.0;
             for k in [1, 2, 3, 6] {
-                let mut scene = ball(20);
+                let mut scene = furnace_ball(16);
                 scene.settings.orders = k;
                 let seen = pencil(ctx, &mut scene, [impact, -5.0, 0.0], [0.0, 1.0, 0.0]);
                 let expected: f64 = orders[..=k as usize].iter().sum();
@@ -239,7 +226,7 @@ fn white_furnace() {
 fn thermal_equilibrium() {
     gpu_test(|ctx| {
         for (albedo, g) in [(0.0, 0.0), (0.5, 0.0), (0.5, 0.4)] {
-            let mut scene = ball(16);
+            let mut scene = furnace_ball(12);
             scene.transfer = matter(1.0, Vec3::splat(albedo), Vec3::ONE);
             scene.g = g;
             scene.settings.orders = 6;

@@ -45,7 +45,7 @@ fn this_device_passes() {
             ("single", 20),
             ("orders", 16),
             ("voxels", 7),
-            ("furnace", 15),
+            ("furnace", 24),
         ] {
             assert!(count(group) >= least, "{group}: {}", count(group));
         }
