@@ -3,17 +3,20 @@
 // Gather, step 3: the chosen candidates are traced in the data from the points of the cell, and the light they carry is scattered once more.
 // Grid: one invocation per cell of a chunk of the list.
 #define LIST_BINDING 3
+#define LIGHTS_BINDING 11
 #define SAMPLES_BINDING 10
 #define SAMPLES_ACCESS writeonly
 #include "include/list.glsl"
 #include "include/march.glsl"
 #include "include/cell_scattering.glsl"
 #include "include/scatter_sample.glsl"
+#include "include/delta_lights.glsl"
 
 layout(local_size_x_id = 0) in;
+// The source has a B (project_deposit.comp).
 layout(constant_id = 1) const bool ANISOTROPIC = false;
-// The source is σ (A + B·ω), as the projection stores it; else it is σ A itself, as classification stores emission.
-layout(constant_id = 2) const bool PROJECTED = true;
+// What is gathered: SOURCE_*.
+layout(constant_id = 2) const uint SOURCE = SOURCE_PROJECTED;
 layout(constant_id = 4) const uint SAMPLING = SAMPLING_PHASE;
 
 layout(set = 0, binding = 5) uniform sampler3D scalar;
@@ -23,7 +26,7 @@ layout(set = 0, binding = 7) uniform sampler3D source_x;
 layout(set = 0, binding = 8) uniform sampler3D source_y;
 layout(set = 0, binding = 9) uniform sampler3D source_z;
 // As gather_select.comp wrote it.
-layout(set = 0, binding = 15, scalar) readonly buffer Chosen { uvec2 chosen[]; };
+layout(set = 0, binding = 12, scalar) readonly buffer Chosen { uvec2 chosen[]; };
 
 layout(push_constant, scalar) uniform GatherTracePush {
     uint chunk_begin;
@@ -36,7 +39,30 @@ layout(push_constant, scalar) uniform GatherTracePush {
     uint slot_end;
     uint directions;
     float step_voxels;
+    // The delta light, with SOURCE_LIGHT.
+    uint light;
 };
+
+// For SOURCE_LIGHT: where the light at `p` goes, and whether that differs from place to place.
+vec3 light_travel(vec3 p) {
+    return light_at(lights[light], world_from_index(p)).travel;
+}
+
+bool is_point_light() {
+    bool point_lights = POINT_LIGHTS;
+    return point_lights && lights[light].is_point != 0u;
+}
+
+// Direction of sample `number` of `count`. Light of one direction is scattered by the phase function about it, so that is
+// how its directions are drawn, and the phase function itself cancels; all other light has even directions.
+vec3 sampled_direction(uint number, uint count, vec2 shift) {
+    if (SOURCE == SOURCE_LIGHT) {
+        if (!is_point_light()) {
+            return -sample_hg(scene.g, lights[light].vector, lattice_point(number, count, shift));
+        }
+    }
+    return lattice_direction(number, count, shift);
+}
 
 // Radiance that arrives along the ray, against its direction `towards` (unit vector, world).
 vec3 traced_radiance(Ray ray, vec3 towards) {
@@ -49,14 +75,18 @@ vec3 traced_radiance(Ray ray, vec3 towards) {
         vec3 uvw = p / vec3(scene.dims);
         vec4 f = textureLod(source_a, uvw, 0.0);
         vec3 source = f.rgb;
-        // Emission is the same in all directions: the images are empty then.
         if (ANISOTROPIC) {
             source -= textureLod(source_x, uvw, 0.0).rgb * towards.x + textureLod(source_y, uvw, 0.0).rgb * towards.y
                 + textureLod(source_z, uvw, 0.0).rgb * towards.z;
         }
         float tau = f.a * scene.max_extinction * stride;
         float passed = exp(-tau);
-        float scale = PROJECTED ? tau : scene.max_extinction * stride;
+        float scale = SOURCE == SOURCE_EMITTED ? scene.max_extinction * stride : tau;
+        if (SOURCE == SOURCE_LIGHT) {
+            if (is_point_light()) {
+                scale *= 4.0 * PI * phase_hg(scene.g, dot(light_travel(p), -towards));
+            }
+        }
         radiance += source * (through * scale * mean_transmittance(tau, passed));
         through *= passed;
         t += steps_ahead(ray, p) * ray.dt;
@@ -87,7 +117,7 @@ void main() {
             candidate = choice.x;
             weight = uintBitsToFloat(choice.y);
         }
-        vec3 towards = lattice_direction(candidate, lattice, shift);
+        vec3 towards = sampled_direction(candidate, lattice, shift);
         vec3 light = vec3(0.0);
         if (weight > 0.0) {
             Ray ray = make_ray(position_of(cell, place), towards, step_voxels);

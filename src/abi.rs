@@ -288,6 +288,7 @@ pub struct GatherTracePush {
     pub slot_end: u32,
     pub directions: u32,
     pub step_voxels: f32,
+    pub light: u32,
 }
 
 /// `include/scatter_sample.glsl`: light that a point of a cell scatters.

@@ -15,12 +15,12 @@ use glam::{Vec2, Vec4};
 use half::f16;
 use tyndall::abi::ScatterSample;
 use tyndall::cpu;
-use tyndall::cpu::gather::Choice;
+use tyndall::cpu::gather::{Carried, Choice};
 use tyndall::cpu::project::Sums;
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::compact::Listed;
-use tyndall::passes::gather::{Gather, GatherConfig};
-use tyndall::passes::project::{Projection, Scattering, Source};
+use tyndall::passes::gather::{Gather, GatherConfig, Gathered as What};
+use tyndall::passes::project::{Kept, Projection, Scattering, Source};
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
 use tyndall::scene::{Sampling, Scene};
 use tyndall::vk::{Access, Buffer, Context, Image, Recorder};
@@ -43,7 +43,7 @@ const CONFIG: GatherConfig = GatherConfig {
 };
 
 /// A gather on the device, with all it read and wrote.
-struct Gathered {
+struct Ran {
     setup: Setup,
     cells: Vec<u32>,
     /// A, then B by component.
@@ -70,7 +70,7 @@ fn proxy_light(ctx: &Context, proxy: &Proxy, dims: [u32; 3]) -> Texture<Vec2> {
     Texture::new(dims, contents.bucket_id.iter().map(of).collect())
 }
 
-fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, is_projected: bool) -> Gathered {
+fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light: u32) -> Ran {
     let setup = Setup::new(ctx, scene);
     let dims = setup.host.params.dims;
     let field = texture(ctx, &setup.field);
@@ -84,7 +84,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, is_projected: bool
 
     let proxy_config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
     let proxy = config.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
-    let pass = Gather::new(ctx, &setup.data, config, CHUNK, is_projected).unwrap();
+    let pass = Gather::new(ctx, &setup.data, config, CHUNK, what).unwrap();
     let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true).unwrap();
     let (list, cells) = setup.list(ctx, Listed::Cells);
     let (nodes, _) = setup.list(ctx, Listed::Nodes);
@@ -103,10 +103,10 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, is_projected: bool
         field: &setup.field,
         projection: &projection,
         args: &cell_args,
-        has_next: true,
+        kept: if scene.g == 0.0 { Kept::Mean } else { Kept::Moments },
     };
     for chunk in list.chunks() {
-        pass.record(&mut rec, &scattering, &chunk, &args, proxy.as_ref(), &source, ORDER);
+        pass.record(&mut rec, &scattering, &chunk, &args, proxy.as_ref(), &source, ORDER, light);
     }
     rec.submit_and_wait().unwrap();
 
@@ -131,9 +131,12 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, is_projected: bool
     let is_used = |s: &&ScatterSample| s.light != [0.0; 3];
     let samples = transposed(&ctx.read_back(projection.samples()).unwrap(), items);
     let small = |i: &Image| i.extent() != dims;
-    Gathered {
+    Ran {
         source: [&source.a, &source.b[0], &source.b[1], &source.b[2]].map(|i| texture(ctx, i)),
-        samples: samples.iter().map(|s| s.iter().filter(is_used).copied().collect()).collect(),
+        samples: samples
+            .iter()
+            .map(|s| s.iter().take(config.directions as usize).filter(is_used).copied().collect())
+            .collect(),
         sums: std::array::from_fn(|i| {
             let image = &projection.sums()[i];
             if small(image) {
@@ -150,12 +153,16 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, is_projected: bool
 }
 
 /// Traces the same choices in the twin.
-fn check_trace(name: &str, g: Gathered, config: GatherConfig, is_projected: bool) {
+fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32) {
     let lattice = if config.uses_proxy() { config.candidates } else { config.directions };
     let host = &g.setup.host;
-    let expected =
-        cpu::gather::gather_trace(host, &g.cells, &g.source, is_projected, &g.chosen, ORDER, lattice, config.step);
-    let case = format!("{name}, {:?}, g {}, projected {is_projected}", config.sampling, host.params.g);
+    let carried = match what {
+        What::Projected => Carried::Projected(&g.source),
+        What::Emitted => Carried::Emitted(&g.source[0]),
+        What::Light => Carried::Light(&g.source[0], &host.lights[light as usize]),
+    };
+    let expected = cpu::gather::gather_trace(host, &g.cells, carried, &g.chosen, ORDER, lattice, config.step);
+    let case = format!("{name}, {:?}, g {}, {what:?} {light}", config.sampling, host.params.g);
     let mut sums = Sums::zero(host.params.dims);
     cpu::project::project_deposit(&host.params, &g.cells, &expected, true, &mut sums);
     let same = |what: &str, got: &Texture<Vec4>, expected: &Texture<Vec4>| {
@@ -178,7 +185,7 @@ fn check_trace(name: &str, g: Gathered, config: GatherConfig, is_projected: bool
 
 /// The energies of all candidates. Nearest reads: a sample on a voxel's face may fall into either, and a ray may be cut
 /// at 1e-2 one step earlier or later.
-fn check_proxy(name: &str, g: &Gathered, config: GatherConfig) {
+fn check_proxy(name: &str, g: &Ran, config: GatherConfig) {
     let (params, cells) = (&g.setup.host.params, &g.cells);
     let (candidates, step) = (config.candidates, config.proxy_step);
     let expected = cpu::gather::gather_proxy(params, cells, &g.light, ORDER, candidates, step).concat();
@@ -199,7 +206,7 @@ fn check_proxy(name: &str, g: &Gathered, config: GatherConfig) {
 }
 
 /// The choice, from the device's own energies.
-fn check_select(name: &str, g: &Gathered, config: GatherConfig) {
+fn check_select(name: &str, g: &Ran, config: GatherConfig) {
     let params = &g.setup.host.params;
     let mut differ = 0;
     for ((&index, weights), got) in g.cells.iter().zip(&g.weights).zip(&g.chosen) {
@@ -220,12 +227,12 @@ fn check_select(name: &str, g: &Gathered, config: GatherConfig) {
 }
 
 fn check(ctx: &Context, name: &str, scene: &Scene, config: GatherConfig) {
-    let gathered = gather(ctx, scene, config, true);
+    let gathered = gather(ctx, scene, config, What::Projected, 0);
     if config.uses_proxy() {
         check_proxy(name, &gathered, config);
         check_select(name, &gathered, config);
     }
-    check_trace(name, gathered, config, true);
+    check_trace(name, gathered, config, What::Projected, 0);
 }
 
 #[test]
@@ -267,7 +274,21 @@ fn light_that_was_not_projected() {
     gpu_test(|ctx| {
         let config = GatherConfig { sampling: Sampling::Phase, ..CONFIG };
         for (name, scene) in scenes().into_iter().take(2) {
-            check_trace(name, gather(ctx, &scene, config, false), config, false);
+            check_trace(name, gather(ctx, &scene, config, What::Emitted, 0), config, What::Emitted, 0);
+        }
+    });
+}
+
+/// Order 1 of single lights, whose phase function is not stored: of a directional light, and of a point light.
+#[test]
+fn light_of_one_direction() {
+    gpu_test(|ctx| {
+        let config = GatherConfig { sampling: Sampling::Phase, ..CONFIG };
+        for (name, mut scene) in scenes() {
+            for (light, g) in cases(vec![(0, 0.6), (1, 0.6), (0, -0.9)]) {
+                scene.g = g;
+                check_trace(name, gather(ctx, &scene, config, What::Light, light), config, What::Light, light);
+            }
         }
     });
 }
@@ -297,10 +318,10 @@ fn many_directions_are_split() {
         // 716 iterations per ray: 40 rays per invocation.
         let config = GatherConfig { candidates: 100, directions: 90, step: 0.01, proxy_step: 0.01, ..CONFIG };
         assert!(tyndall::passes::rays_per_invocation([5, 3, 4], 0.01) < 45);
-        let gathered = gather(ctx, &scene, config, true);
+        let gathered = gather(ctx, &scene, config, What::Projected, 0);
         check_proxy("blocks", &gathered, config);
         check_select("blocks", &gathered, config);
-        check_trace("dispatches", gathered, config, true);
+        check_trace("dispatches", gathered, config, What::Projected, 0);
     });
 }
 

@@ -14,7 +14,7 @@ use tyndall::cpu;
 use tyndall::cpu::project::{Cell, Sums};
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::compact::{List, Listed};
-use tyndall::passes::project::{Projection, Source, step_factors};
+use tyndall::passes::project::{Kept, Projection, Source, step_factors};
 use tyndall::vk::{Access, Context, Recorder};
 use tyndall::volume::Grid;
 
@@ -170,7 +170,8 @@ fn deposits_are_those_of_the_twin() {
     gpu_test(|ctx| {
         let grid = Grid::axis_aligned([6, 5, 4], [1.0, 2.0, 0.5], [0.0; 3]);
         let mut scene = scene_of(grid, random_values(3, 120));
-        for (g, has_next) in cases(vec![(0.7, true), (0.7, false), (0.0, true)]) {
+        let all = vec![(0.7, Kept::Moments), (0.7, Kept::Eye), (0.7, Kept::Mean), (0.0, Kept::Mean)];
+        for (g, kept) in cases(all) {
             scene.g = g;
             let setup = Setup::new(ctx, &scene);
             let params = &setup.host.params;
@@ -195,23 +196,23 @@ fn deposits_are_those_of_the_twin() {
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
             let args = list.chunk_args(ctx, &mut rec, 1).unwrap();
             for chunk in list.chunks() {
-                projection.record_deposit(&mut rec, &setup.data, &chunk, &args, 8, true, has_next);
+                projection.record_deposit(&mut rec, &setup.data, &chunk, &args, 8, true, kept);
             }
             rec.submit_and_wait().unwrap();
             let mut expected = Sums::zero(params.dims);
             cpu::project::project_deposit(params, &cells, &samples, true, &mut expected);
             let [x, y, z] = &expected.b;
-            let is_aniso = g != 0.0;
+            let moments = kept == Kept::Moments;
             let used = [
-                ("A", &expected.a, has_next || !is_aniso),
-                ("Bx", x, has_next && is_aniso),
-                ("By", y, has_next && is_aniso),
-                ("Bz", z, has_next && is_aniso),
-                ("eye", &expected.eye, is_aniso),
+                ("A", &expected.a, kept != Kept::Eye),
+                ("Bx", x, moments),
+                ("By", y, moments),
+                ("Bz", z, moments),
+                ("eye", &expected.eye, kept != Kept::Mean),
             ];
             for ((what, expected, is_used), image) in used.into_iter().zip(projection.sums()) {
                 let got: Vec<Vec4> = ctx.read_back_image(image).unwrap();
-                let case = format!("g {g}, next {has_next}: {what}");
+                let case = format!("g {g}, {kept:?}: {what}");
                 if is_used {
                     assert_close(&case, &got, &expected.texels, 1e-4, 1e-5);
                 } else {

@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3, Vec4};
 use tyndall::abi::ScatterSample;
 use tyndall::cpu;
 use tyndall::passes::compact::Listed;
-use tyndall::passes::project::{Projection, Scattering};
+use tyndall::passes::project::{Kept, Projection, Scattering};
 use tyndall::passes::single_scatter::SingleScatter;
 use tyndall::scene::{Environment, Light, Scene};
 use tyndall::vk::{Access, Context, Recorder};
@@ -43,11 +43,11 @@ fn run(ctx: &Context, setup: &Setup, step: f32) -> ([Vec<Vec<ScatterSample>>; 2]
             field: &setup.field,
             projection: &projection,
             args: &args,
-            has_next: true,
+            kept: Kept::Mean,
         };
         for chunk in list.chunks() {
             match kind {
-                0 => pass.record_lights(&mut rec, &scattering, &chunk),
+                0 => pass.record_lights(&mut rec, &scattering, &chunk, 0..setup.data.light_count),
                 _ => pass.record_environment(&mut rec, &scattering, &chunk),
             }
         }
@@ -168,10 +168,10 @@ fn many_lights_are_split_over_dispatches() {
                 field: &setup.field,
                 projection: &projection,
                 args: &args,
-                has_next: true,
+                kept: Kept::Mean,
             };
             for chunk in list.chunks() {
-                pass.record_lights(&mut rec, &scattering, &chunk);
+                pass.record_lights(&mut rec, &scattering, &chunk, 0..setup.data.light_count);
             }
             rec.submit_and_wait().unwrap();
             let sums: Vec<Vec4> = ctx.read_back_image(&projection.sums()[0]).unwrap();

@@ -118,6 +118,13 @@ const uint TALLY_ACTIVE = 2u;
 // Words of the tally.
 const uint TALLY_WORDS = 3u;
 
+// SOURCE: light of one order, as the projection stores it for all directions.
+const uint SOURCE_PROJECTED = 0u;
+// SOURCE: emission, as classification stores it.
+const uint SOURCE_EMITTED = 1u;
+// SOURCE: order 1 of one delta light, as the projection stores it but for the phase function.
+const uint SOURCE_LIGHT = 2u;
+
 // SAMPLING: N directions from the phase function.
 const uint SAMPLING_PHASE = 0u;
 // SAMPLING: the N of M candidates with the most proxy energy.

@@ -12,12 +12,16 @@ vec3 sphere_direction(float u, float v) {
     return vec3(r * cos(phi), r * sin(phi), z);
 }
 
-// The i-th of n directions, spread evenly (a rank-1 lattice with the golden ratio), shifted by two random numbers in
-// [0, 1) around the torus: each direction for itself is uniform on the sphere, so means over them are unbiased.
+// The i-th of n points, spread evenly over the unit square (a rank-1 lattice with the golden ratio), shifted by two random
+// numbers in [0, 1) around the torus: each point for itself is uniform, so means over them are unbiased.
+vec2 lattice_point(uint i, uint n, vec2 shift) {
+    return fract(vec2((float(i) + 0.5) / float(n), float(i) * 0.61803398875) + shift);
+}
+
+// The i-th of n directions, spread evenly over the sphere.
 vec3 lattice_direction(uint i, uint n, vec2 shift) {
-    float u = fract((float(i) + 0.5) / float(n) + shift.x);
-    float v = fract(float(i) * 0.61803398875 + shift.y);
-    return sphere_direction(u, v);
+    vec2 u = lattice_point(i, n, shift);
+    return sphere_direction(u.x, u.y);
 }
 
 // Henyey-Greenstein [1/sr]; `cosine` between the propagation directions before and after.

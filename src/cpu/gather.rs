@@ -1,14 +1,16 @@
 //! Twins of `gather_proxy.comp`, `gather_select.comp` and `gather_trace.comp`.
 
+use super::delta_lights::light_at;
 use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance};
 use super::project::{Cell, point_of_sample};
 use super::rng::{random_float, stream_key};
-use super::scene::HostScene;
-use super::sphere::lattice_direction;
+use super::scene::{HostScene, world_from_index};
+use super::sphere::{lattice_direction, lattice_point, phase_hg, sample_hg};
 use super::texture::Texture;
-use crate::abi::{ScatterSample, SceneParams};
+use crate::abi::{LightData, ScatterSample, SceneParams};
 use crate::shaders::constants::CELL_POINTS;
 use glam::{Vec2, Vec3, Vec4};
+use std::f32::consts::PI;
 
 /// A traced candidate and its weight in the estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,43 +93,58 @@ pub fn select_shift(scene: &SceneParams, index: u32, order: u32) -> f32 {
     random_float(stream_key(index, order, scene.seed_low, scene.seed_high), 2)
 }
 
-/// Radiance that arrives along the ray, against its direction `towards` (unit vector, world). `source`: A and extinction,
-/// then B by component. `is_projected`: the source is extinction times that, else that itself.
-pub fn traced_radiance(
-    scene: &SceneParams,
-    source: &[Texture<Vec4>; 4],
-    is_projected: bool,
-    ray: Ray,
-    towards: Vec3,
-) -> Vec3 {
+/// What is gathered, as [`Gathered`](crate::passes::gather::Gathered) says.
+#[derive(Clone, Copy)]
+pub enum Carried<'a> {
+    /// Extinction times A and extinction, B by component.
+    Projected(&'a [Texture<Vec4>; 4]),
+    /// The source itself, and extinction.
+    Emitted(&'a Texture<Vec4>),
+    /// Extinction times what this delta light brings, but for the phase function; and extinction.
+    Light(&'a Texture<Vec4>, &'a LightData),
+}
+
+/// Radiance that arrives along the ray, against its direction `towards` (unit vector, world). Of a directional light
+/// without the phase function.
+pub fn traced_radiance(scene: &SceneParams, carried: Carried<'_>, ray: Ray, towards: Vec3) -> Vec3 {
     let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
     for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
         if through <= LEAST_TRANSMITTANCE {
             break;
         }
-        let f = source[0].sample(p);
-        let mut light = f.truncate();
-        if scene.g != 0.0 {
-            for axis in 0..3 {
-                light -= source[axis + 1].sample(p).truncate() * towards[axis];
+        let (f, source) = match carried {
+            Carried::Projected([a, b @ ..]) => {
+                let a = a.sample(p);
+                let along = |axis: usize| b[axis].sample(p).truncate() * towards[axis];
+                let b = if scene.g == 0.0 { Vec3::ZERO } else { along(0) + along(1) + along(2) };
+                (a, a.w * (a.truncate() - b))
             }
-        }
+            Carried::Emitted(emitted) => (emitted.sample(p), emitted.sample(p).truncate()),
+            Carried::Light(image, light) => {
+                let f = image.sample(p);
+                let travel = light_at(scene, light, world_from_index(scene, p)).travel;
+                let phase = match light.is_point {
+                    0 => 1.0,
+                    _ => 4.0 * PI * phase_hg(scene.g, travel.dot(-towards)),
+                };
+                (f, f.w * f.truncate() * phase)
+            }
+        };
         let scale = scene.max_extinction * stride;
         let tau = f.w * scale;
-        radiance += light * (through * if is_projected { tau } else { scale } * mean_transmittance(tau));
+        radiance += source * (through * scale * mean_transmittance(tau));
         through *= (-tau).exp();
     }
     radiance
 }
 
-/// Samples of the light of `source` scattered once more in the listed cells. `chosen` by cell of the list, out of a lattice
+/// Samples of what is carried, scattered once more in the listed cells. `chosen` by cell of the list, out of a lattice
 /// of `lattice` directions.
 #[allow(clippy::too_many_arguments, reason = "the kernel's arguments")]
 pub fn gather_trace(
     scene: &HostScene,
     cells: &[u32],
-    source: &[Texture<Vec4>; 4],
-    is_projected: bool,
+    carried: Carried<'_>,
     chosen: &[Vec<Choice>],
     order: u32,
     lattice: u32,
@@ -140,9 +157,14 @@ pub fn gather_trace(
         let flip = random_float(stream_key(index, order, s.seed_low, s.seed_high), 3) * CELL_POINTS as f32;
         let of_choice = |(slot, choice): (usize, &Choice)| {
             let point = point_of_sample(slot as u32, flip as u32);
-            let towards = lattice_direction(choice.candidate, lattice, shift);
+            let towards = match carried {
+                Carried::Light(_, light) if light.is_point == 0 => {
+                    -sample_hg(s.g, light.vector.into(), lattice_point(choice.candidate, lattice, shift))
+                }
+                _ => lattice_direction(choice.candidate, lattice, shift),
+            };
             let ray = make_ray(s, cell.position(point), towards, step_voxels);
-            let radiance = traced_radiance(s, source, is_projected, ray, towards);
+            let radiance = traced_radiance(s, carried, ray, towards);
             let light = radiance * cell.scattering(scene, point) * choice.weight;
             ScatterSample { light: light.into(), travel: (-towards).into(), point }
         };

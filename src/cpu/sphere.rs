@@ -16,10 +16,14 @@ pub fn sphere_direction(u: f32, v: f32) -> Vec3 {
     Vec3::new(r * phi.cos(), r * phi.sin(), z)
 }
 
-/// The i-th of n directions, spread evenly over the sphere, shifted by two numbers in [0, 1).
+/// The i-th of n points, spread evenly over the unit square, shifted by two numbers in [0, 1).
+pub fn lattice_point(i: u32, n: u32, shift: [f32; 2]) -> [f32; 2] {
+    [fract((i as f32 + 0.5) / n as f32 + shift[0]), fract(i as f32 * 0.618_034 + shift[1])]
+}
+
+/// The i-th of n directions, spread evenly over the sphere.
 pub fn lattice_direction(i: u32, n: u32, shift: [f32; 2]) -> Vec3 {
-    let u = fract((i as f32 + 0.5) / n as f32 + shift[0]);
-    let v = fract(i as f32 * 0.618_034 + shift[1]);
+    let [u, v] = lattice_point(i, n, shift);
     sphere_direction(u, v)
 }
 

@@ -12,6 +12,17 @@ use crate::scene::{Sampling, Settings};
 use crate::shaders::{self, constants};
 use crate::vk::{Buffer, Context, Filter, Pipeline, Recorder};
 
+/// What is gathered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gathered {
+    /// Light of one order.
+    Projected,
+    /// Emission, as classification stores it.
+    Emitted,
+    /// Order 1 of one delta light in a medium of g ≠ 0: its direction is known, so its phase function need not be stored.
+    Light,
+}
+
 /// How one gather chooses its directions.
 #[derive(Clone, Copy, Debug)]
 pub struct GatherConfig {
@@ -77,15 +88,22 @@ pub struct GatherArgs {
 }
 
 impl Gather {
-    /// Makes the pipelines and the lists of a chunk of `chunk_items`. `is_projected`: the source was made by a projection,
-    /// else by classification.
+    /// Makes the pipelines and the lists of a chunk of `chunk_items`. `gathered` other than light of an order
+    /// has no candidates.
     pub fn new(
         ctx: &Context,
         scene: &SceneData,
         config: GatherConfig,
         chunk_items: u32,
-        is_projected: bool,
+        gathered: Gathered,
     ) -> Result<Self> {
+        let is_projected = gathered == Gathered::Projected;
+        let config = if is_projected { config } else { GatherConfig { sampling: Sampling::Phase, ..config } };
+        let source = match gathered {
+            Gathered::Projected => constants::SOURCE_PROJECTED,
+            Gathered::Emitted => constants::SOURCE_EMITTED,
+            Gathered::Light => constants::SOURCE_LIGHT,
+        };
         let sampling = match config.sampling {
             Sampling::Phase => constants::SAMPLING_PHASE,
             Sampling::Top => constants::SAMPLING_TOP,
@@ -95,8 +113,9 @@ impl Gather {
         let workgroup = ("WORKGROUP", LIST_WORKGROUP);
         let trace = [
             workgroup,
-            ("ANISOTROPIC", (scene.params.g != 0.0).into()),
-            ("PROJECTED", is_projected.into()),
+            ("ANISOTROPIC", (is_projected && scene.params.g != 0.0).into()),
+            ("SOURCE", source),
+            ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("SAMPLING", sampling),
         ];
         let candidates = if config.uses_proxy() {
@@ -147,7 +166,8 @@ impl Gather {
     }
 
     /// Gathers a chunk of cells: samples the light of `source`, scattered once more, and deposits it. `stream` keeps the
-    /// random numbers of orders apart. `proxy` must be built from `source` where the sampling uses it.
+    /// random numbers of orders apart. `proxy` must be built from `source` where the sampling uses it. `light`: whose light
+    /// `source` is, with [`Gathered::Light`].
     ///
     /// Ordered after all compute accesses before; ends with the projection's sums written by compute.
     #[allow(clippy::too_many_arguments, reason = "what the kernels read and write is named one by one")]
@@ -160,6 +180,7 @@ impl Gather {
         proxy: Option<&Proxy>,
         source: &Source,
         stream: u32,
+        light: u32,
     ) {
         let c = &self.config;
         let (scene, emptiness) = (scattering.scene, scattering.emptiness);
@@ -212,9 +233,11 @@ impl Gather {
                 slot_end: slots.end,
                 directions: c.directions,
                 step_voxels: c.step,
+                light,
             };
             let binds = [
                 ("scene_block", scene.block.bind()),
+                ("lights", scene.lights.bind()),
                 ("transfer_block", scene.transfer.bind()),
                 ("emptiness", emptiness.sampled(Filter::Nearest)),
                 ("scalar", scene.scalar.sampled(Filter::Nearest)),

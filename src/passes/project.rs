@@ -41,6 +41,17 @@ impl Source {
     }
 }
 
+/// What is kept of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// Their mean over directions as A: all there is for g = 0.
+    Mean,
+    /// For g ≠ 0: the eye's share.
+    Eye,
+    /// For g ≠ 0: A, B, and the eye's share.
+    Moments,
+}
+
 /// What a pass that scatters light reads, and where its samples go.
 #[derive(Clone, Copy)]
 pub struct Scattering<'a> {
@@ -54,8 +65,8 @@ pub struct Scattering<'a> {
     pub projection: &'a Projection,
     /// Arguments of kernels with one invocation per cell of the list.
     pub args: &'a ChunkArgs,
-    /// Another order follows.
-    pub has_next: bool,
+    /// What is kept of the samples.
+    pub kept: Kept,
 }
 
 impl Scattering<'_> {
@@ -76,15 +87,15 @@ impl Scattering<'_> {
             let slots = block.end - block.start;
             order_compute(rec);
             trace(rec, block);
-            self.projection.record_deposit(rec, self.scene, chunk, self.args, slots, is_seen, self.has_next);
+            self.projection.record_deposit(rec, self.scene, chunk, self.args, slots, is_seen, self.kept);
         }
     }
 }
 
 /// Right-hand sides, and everything else that a projection needs.
 pub struct Projection {
-    /// Without and with a next order.
-    deposit: [Pipeline; 2],
+    /// By [`Kept`].
+    deposit: Vec<Pipeline>,
     solve: Pipeline,
     is_anisotropic: bool,
     samples: Buffer<ScatterSample>,
@@ -119,17 +130,23 @@ impl Projection {
     /// guess.
     pub fn new(ctx: &Context, scene: &SceneData, chunk_items: u32, steps: u32, has_next: bool) -> Result<Self> {
         let is_anisotropic = scene.params.g != 0.0;
-        let deposit = |has_next: bool| {
-            let common = [("WORKGROUP", LIST_WORKGROUP), ("ANISOTROPIC", is_anisotropic.into())];
-            Pipeline::new(ctx, &shaders::PROJECT_DEPOSIT, &[common[0], common[1], ("HAS_NEXT", has_next.into())])
+        let deposit = |kept: &Kept| {
+            let specialization = [
+                ("WORKGROUP", LIST_WORKGROUP),
+                ("ANISOTROPIC", (*kept != Kept::Mean).into()),
+                ("HAS_NEXT", (*kept == Kept::Moments).into()),
+            ];
+            Pipeline::new(ctx, &shaders::PROJECT_DEPOSIT, &specialization)
         };
+        let all = [Kept::Mean, Kept::Eye, Kept::Moments];
+        let used = if is_anisotropic { &all[..] } else { &all[..1] };
         let bytes = u64::from(chunk_items) * size_of::<ScatterSample>() as u64;
         let slots = (SAMPLES_BYTES / bytes).clamp(1, MAX_SLOTS) as u32;
         let dims = scene.params.dims;
         let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, ImageFormat::Rgba32Float);
         let has_b = is_anisotropic && has_next;
         Ok(Self {
-            deposit: [deposit(false)?, deposit(true)?],
+            deposit: used.iter().map(deposit).collect::<Result<_>>()?,
             solve: Pipeline::new(ctx, &shaders::PROJECT_SOLVE, &[("WORKGROUP", LIST_WORKGROUP)])?,
             is_anisotropic,
             samples: ctx.device_buffer("project.samples", (chunk_items * slots) as usize)?,
@@ -183,7 +200,6 @@ impl Projection {
     }
 
     /// Adds the samples of a chunk's cells, `slots` of each. `is_seen`: the eye shall see them through what is stored.
-    /// `has_next`: the next order needs them.
     ///
     /// Ordered after all compute accesses before; ends with the right-hand sides written by compute.
     #[allow(clippy::too_many_arguments, reason = "what is read, and for whom")]
@@ -195,7 +211,7 @@ impl Projection {
         args: &ChunkArgs,
         slots: u32,
         is_seen: bool,
-        has_next: bool,
+        kept: Kept,
     ) {
         let [a, x, y, z, eye] = &self.sums;
         for corner in 0..8 {
@@ -216,7 +232,7 @@ impl Projection {
                 ("sum_z", z.storage()),
                 ("sum_eye", eye.storage()),
             ];
-            chunk.dispatch(rec, &self.deposit[usize::from(has_next)], &binds, &push, args);
+            chunk.dispatch(rec, &self.deposit[kept as usize], &binds, &push, args);
         }
     }
 
@@ -241,6 +257,19 @@ impl Projection {
                 self.solve(rec, scene, nodes, args, sums, b, total, false);
             }
         }
+    }
+
+    /// Solves for A alone, and writes it to `solution`; otherwise as [`Self::record_solve`].
+    pub fn record_solve_mean(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        nodes: &List,
+        args: &ChunkArgs,
+        solution: &Image,
+        total: &Image,
+    ) {
+        self.solve(rec, scene, nodes, args, &self.sums[0], solution, total, false);
     }
 
     /// For g ≠ 0, after the last order: adds what the eye sees to `total`. `source` is overwritten.

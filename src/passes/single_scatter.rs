@@ -44,12 +44,19 @@ impl SingleScatter {
         });
     }
 
-    /// The same for delta lights, whose light the eye does not see through what is stored: the camera adds it without the
+    /// The same for some of the delta lights, whose light the eye does not see through what is stored: the camera adds it without the
     /// stored light's error (`camera.comp`).
-    pub fn record_lights(&self, rec: &mut Recorder, scattering: &Scattering<'_>, chunk: &Chunk<'_>) {
-        let rays = self.light_rays(scattering.scene);
+    pub fn record_lights(
+        &self,
+        rec: &mut Recorder,
+        scattering: &Scattering<'_>,
+        chunk: &Chunk<'_>,
+        lights: Range<u32>,
+    ) {
+        let first = lights.start * constants::LIGHT_POINTS;
+        let rays = lights.len() as u32 * constants::LIGHT_POINTS;
         scattering.record_blocks(rec, chunk, rays, self.step, false, |rec, block| {
-            self.record_rays(rec, scattering, chunk, block, 0..0);
+            self.record_rays(rec, scattering, chunk, first + block.start..first + block.end, 0..0);
         });
     }
 

@@ -7,19 +7,19 @@ use crate::output::Picture;
 use crate::passes::camera::{Camera, Content};
 use crate::passes::classify::{Classify, Emitted, Emptiness};
 use crate::passes::compact::{Chunk, ChunkArgs, List, Listed, Marks};
-use crate::passes::gather::{Gather, GatherConfig};
+use crate::passes::gather::{Gather, GatherArgs, GatherConfig, Gathered};
 use crate::passes::phong::Phong;
-use crate::passes::project::{Projection, Scattering, Source};
+use crate::passes::project::{Kept, Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
 use crate::passes::scene_data::SceneData;
 use crate::passes::single_scatter::SingleScatter;
-use crate::scene::{Model, Sampling, Scene};
+use crate::scene::{Model, Scene};
 use crate::shaders::constants;
 use crate::stats::{PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
 use crate::vk::{Access, Buffer, Context, Image, ImageFormat, Recorder, Submission, TimedPass};
 use crate::{Error, Result};
 use std::collections::VecDeque;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 /// How far a render is.
@@ -101,7 +101,12 @@ struct Scatter {
     nodes: List,
     /// Of the latest order.
     source: Source,
+    /// For g ≠ 0: the gather of order 1 of delta lights, and that order of the first lights; the others go by moments.
+    lights: Option<(Gather, Vec<Image>)>,
 }
+
+/// Delta lights whose order 1 is kept apart where g ≠ 0: each takes an image, and a gather of its own.
+const MOST_SEPARATE_LIGHTS: u32 = 4;
 
 /// List items of a chunk: a dispatch should stay below 100 ms, and a chunk's lists below 64 MiB.
 fn chunk_items(ctx: &Context, gather: Option<&GatherConfig>) -> u32 {
@@ -109,8 +114,9 @@ fn chunk_items(ctx: &Context, gather: Option<&GatherConfig>) -> u32 {
     gather.map_or(usual, |g| usual.min(g.max_chunk(64 << 20)).max(64))
 }
 
-/// Random-number streams: orders count from 1; the gather of emitted light has its own.
+/// Random-number streams: orders count from 1; the gathers of emitted light and of single lights have their own.
 const EMISSION_STREAM: u32 = 0x454D_4954;
+const LIGHT_STREAM: u32 = 0x4C49_4700;
 
 impl<'a> Renderer<'a> {
     /// Uploads the scene and makes the passes that its settings use.
@@ -125,7 +131,6 @@ impl<'a> Renderer<'a> {
             Model::Path => unreachable!("PathRender renders it"),
         };
         let gather_config = GatherConfig::of(s);
-        let emission_config = GatherConfig { sampling: Sampling::Phase, ..gather_config };
         let chunk = chunk_items(ctx, (orders > 1).then_some(&gather_config));
         let segment = internals.segment_voxels;
         let list = match s.model {
@@ -137,11 +142,24 @@ impl<'a> Renderer<'a> {
         let scatter = if orders > 0 {
             let has_next = orders > 1;
             let with_proxy = has_next && gather_config.uses_proxy();
+            let separate =
+                if has_next && data.params.g != 0.0 { data.light_count.min(MOST_SEPARATE_LIGHTS) } else { 0 };
             Some(Scatter {
+                lights: if separate > 0 {
+                    let image = |_| ctx.image_3d("light", dims, ImageFormat::Rgba16Float);
+                    let gather = Gather::new(ctx, &data, gather_config, chunk, Gathered::Light)?;
+                    Some((gather, (0..separate).map(image).collect::<Result<_>>()?))
+                } else {
+                    None
+                },
                 single: SingleScatter::new(ctx, &data, s.environment_directions, s.gather_step)?,
-                gather: if has_next { Some(Gather::new(ctx, &data, gather_config, chunk, true)?) } else { None },
+                gather: if has_next {
+                    Some(Gather::new(ctx, &data, gather_config, chunk, Gathered::Projected)?)
+                } else {
+                    None
+                },
                 emission: if emits {
-                    let gather = Gather::new(ctx, &data, emission_config, chunk, false)?;
+                    let gather = Gather::new(ctx, &data, gather_config, chunk, Gathered::Emitted)?;
                     Some((gather, Classify::new(ctx, Emitted::Emission)?))
                 } else {
                     None
@@ -224,6 +242,9 @@ impl<'a> Renderer<'a> {
         let mut rec = Recorder::new(self.ctx)?;
         if let Some(scatter) = &self.scatter {
             scatter.source.clear(&mut rec);
+            for image in scatter.lights.iter().flat_map(|(_, images)| images) {
+                rec.clear_image(image);
+            }
             scatter.projection.record_clear_all(&mut rec);
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         }
@@ -262,7 +283,8 @@ impl<'a> Renderer<'a> {
                 f64::from(s.single.environment_rays(&self.data)) + s.emission.as_ref().map_or(0.0, |e| e.0.rays());
             let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
             let later = s.gather.as_ref().map_or(0.0, |g| g.rays() * f64::from(self.orders - 1));
-            first + lights + later
+            let separate = s.lights.as_ref().map_or(0.0, |(g, images)| g.rays() * images.len() as f64);
+            first + lights + later + separate
         });
         let items = self.list.as_ref().map_or(0, List::items) as f64;
         items * rays + self.camera_work() * f64::from(self.data.params.size[1] * self.samples)
@@ -287,6 +309,10 @@ impl<'a> Renderer<'a> {
             Some((gather, _)) => Some((gather, gather.args(ctx, &mut rec, cells)?)),
             None => None,
         };
+        let separate = match &scatter.lights {
+            Some((gather, images)) => Some((gather, gather.args(ctx, &mut rec, cells)?, images)),
+            None => None,
+        };
         if let Some(proxy) = &scatter.proxy {
             proxy.record_clear(&mut rec);
         }
@@ -298,31 +324,45 @@ impl<'a> Renderer<'a> {
             field: &self.total,
             projection: &scatter.projection,
             args: &cell_args,
-            has_next: self.orders > 1,
+            kept: self.kept(self.orders > 1),
         };
+        let has_next = self.orders > 1;
+        let single_lights = |queue: &mut Queue<'_>, scattering: &Scattering<'_>, lights: Range<u32>| {
+            let rays = f64::from(lights.len() as u32 * constants::LIGHT_POINTS);
+            self.for_chunks(cells, queue, "single scattering", rays, |rec, chunk| {
+                rec.begin_pass("single", 1);
+                scatter.single.record_lights(rec, scattering, chunk, lights.clone());
+                rec.end_pass();
+            })
+        };
+        for (l, image) in separate.iter().flat_map(|s| s.2.iter().enumerate()) {
+            single_lights(queue, &Scattering { kept: Kept::Mean, ..first }, l as u32..l as u32 + 1)?;
+            let mut rec = Recorder::new(ctx)?;
+            rec.begin_pass("project", 1);
+            let (projection, nodes) = (&scatter.projection, &scatter.nodes);
+            projection.record_solve_mean(&mut rec, data, nodes, &node_args, image, &self.total);
+            projection.record_clear(&mut rec);
+            rec.end_pass();
+            queue.submit(rec, 0.0, "scattering")?;
+        }
         let solve =
             |queue: &mut Queue<'_>, order: u32, is_seen: bool| self.solve(scatter, &node_args, queue, order, is_seen);
         // What the eye shall see of order 1, then the light that it sees without it (`camera.comp`).
         let rays = f64::from(scatter.single.environment_rays(data)) + emission.as_ref().map_or(0.0, |e| e.0.rays());
-        let lights = if first.has_next { f64::from(scatter.single.light_rays(data)) } else { 0.0 };
         self.for_chunks(cells, queue, "single scattering", rays, |rec, chunk| {
             rec.begin_pass("single", 1);
             scatter.single.record_environment(rec, &first, chunk);
             rec.end_pass();
             if let Some((gather, args)) = &emission {
                 let emitted = Source { a: self.emitted.clone(), b: scatter.source.b.clone() };
-                gather.record(rec, &first, chunk, args, None, &emitted, EMISSION_STREAM);
+                gather.record(rec, &first, chunk, args, None, &emitted, EMISSION_STREAM, 0);
             }
         })?;
         if rays > 0.0 && !scatter.projection.has_eye() {
             solve(queue, 1, true)?;
         }
-        if first.has_next {
-            self.for_chunks(cells, queue, "single scattering", lights, |rec, chunk| {
-                rec.begin_pass("single", 1);
-                scatter.single.record_lights(rec, &first, chunk);
-                rec.end_pass();
-            })?;
+        if has_next {
+            single_lights(queue, &first, separate.as_ref().map_or(0, |s| s.2.len() as u32)..data.light_count)?;
             solve(queue, 1, false)?;
         }
         for order in 2..=self.orders {
@@ -336,11 +376,17 @@ impl<'a> Renderer<'a> {
             }
             scatter.projection.record_clear(&mut rec);
             queue.submit(rec, 0.0, "multiple scattering")?;
-            let scattering = Scattering { has_next: order < self.orders, ..first };
+            let has_next = order < self.orders;
+            let scattering = Scattering { kept: self.kept(has_next), ..first };
+            if order == 2
+                && let Some((gather, args, images)) = &separate
+            {
+                self.gather_lights(cells, queue, gather, args, images, &scattering)?;
+            }
             self.for_chunks(cells, queue, "multiple scattering", gather.rays(), |rec, chunk| {
-                gather.record(rec, &scattering, chunk, args, scatter.proxy.as_ref(), &scatter.source, order);
+                gather.record(rec, &scattering, chunk, args, scatter.proxy.as_ref(), &scatter.source, order, 0);
             })?;
-            if scattering.has_next || !scatter.projection.has_eye() {
+            if has_next || !scatter.projection.has_eye() {
                 solve(queue, order, !scatter.projection.has_eye())?;
             }
         }
@@ -351,6 +397,35 @@ impl<'a> Renderer<'a> {
             projection.record_solve_eye(&mut rec, data, nodes, &node_args, &scatter.source, &self.total);
             rec.end_pass();
             queue.submit(rec, 0.0, "scattering")?;
+        }
+        Ok(())
+    }
+
+    /// What is kept of an order's samples.
+    fn kept(&self, has_next: bool) -> Kept {
+        match (self.data.params.g != 0.0, has_next) {
+            (false, _) => Kept::Mean,
+            (true, false) => Kept::Eye,
+            (true, true) => Kept::Moments,
+        }
+    }
+
+    /// Order 2 of the delta lights whose order 1 is in `images`.
+    fn gather_lights(
+        &self,
+        cells: &List,
+        queue: &mut Queue<'_>,
+        gather: &Gather,
+        args: &GatherArgs,
+        images: &[Image],
+        scattering: &Scattering<'_>,
+    ) -> Result<()> {
+        for (l, image) in images.iter().enumerate() {
+            let source = Source { a: image.clone(), b: [image.clone(), image.clone(), image.clone()] };
+            self.for_chunks(cells, queue, "multiple scattering", gather.rays(), |rec, chunk| {
+                let stream = LIGHT_STREAM ^ l as u32;
+                gather.record(rec, scattering, chunk, args, None, &source, stream, l as u32);
+            })?;
         }
         Ok(())
     }
