@@ -66,7 +66,7 @@ pub struct Overrides {
     /// Scatterings after which a path of unlimited orders is cut [default: 100000]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub max_events: Option<u32>,
-    /// Directions in which a cell gathers the environment, 1 to 1024 [default: 16]
+    /// Directions in which a cell gathers the environment, 1 to 1024 [default: 32]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub environment_directions: Option<u32>,
     /// Step of camera rays in voxels, 0.1 to 8 [default: 0.5]
@@ -88,7 +88,7 @@ pub struct Overrides {
     #[arg(long, value_name = "MASK", help_heading = "Method")]
     pub mask: Option<Mask>,
     /// Camera rays per pixel, 1 to 65536; path: to 16777216, which is its default with --seconds or --target-error
-    /// [default: 8]
+    /// [default: 16]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub spp: Option<u32>,
     /// Path: stop after this time
