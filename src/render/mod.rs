@@ -133,13 +133,15 @@ impl<'a> Renderer<'a> {
         let gather_config = GatherConfig::of(s);
         let chunk = chunk_items(ctx, (orders > 1).then_some(&gather_config));
         let segment = internals.segment_voxels;
-        let list = match s.model {
-            Model::Absorption => None,
-            Model::Phong => Some(List::new(ctx, &data, Listed::Voxels, chunk, segment)?),
-            _ => Some(List::new(ctx, &data, Listed::Cells, chunk, segment)?),
-        };
         let emits = orders > 0 && data.has_emission;
-        let scatter = if orders > 0 {
+        // What the camera sees of delta lights by single scattering is stored nowhere.
+        let stores_light = orders > 1 || orders == 1 && (emits || data.environment != constants::ENVIRONMENT_NONE);
+        let list = match s.model {
+            Model::Phong => Some(List::new(ctx, &data, Listed::Voxels, chunk, segment)?),
+            _ if stores_light => Some(List::new(ctx, &data, Listed::Cells, chunk, segment)?),
+            _ => None,
+        };
+        let scatter = if stores_light {
             let has_next = orders > 1;
             let with_proxy = has_next && gather_config.uses_proxy();
             let separate =
