@@ -10,7 +10,7 @@ use glam::Vec3;
 const TWO_MEANS: &str = "4 standard errors of the difference: exceeded by chance once in 16,000";
 const MARCHED: &str = "0.5 %: other steps and other random numbers along the same rays";
 const ONE: &str =
-    "1 %: a single voxel stores one value of the light of order 2 and up, a few percent of all in thin matter";
+    "1.5 %: a single voxel stores one value of the light of order 2 and up, a few percent of all in thin matter";
 const CACHED: &str = "2 %: voxels of 1/5 and of 1/10 of a mean free path store the light of order 2 and up";
 
 fn cube(n: u32, extinction: f64, model: Model) -> Scene {
@@ -20,7 +20,8 @@ fn cube(n: u32, extinction: f64, model: Model) -> Scene {
     scene.settings.model = model;
     scene.settings.sampling = Sampling::Phase;
     scene.settings.spp = 16;
-    scene.settings.directions = 16;
+    // A pencil of rays meets few cells, and one voxel has but eight: many directions keep their noise low.
+    scene.settings.directions = if n == 1 { 1024 } else { 64 };
     aim(&mut scene, [-1.0, 0.3, 0.2], [0.9407208683835973, 0.18814417367671946, 0.2822162605150792], PENCIL);
     scene
 }
@@ -46,7 +47,7 @@ pub(super) fn run(bench: &mut Bench<'_>) -> Result<()> {
         let case = format!("single, extinction {extinction}: 1728 voxels and 1");
         bench.check(case, many.into(), one.into(), 5e-3 * f64::from(one), MARCHED);
     }
-    for (extinction, [few, many], tolerance, why) in [(0.1, [1, 10], 0.01, ONE), (2.0, [10, 20], 0.02, CACHED)] {
+    for (extinction, [few, many], tolerance, why) in [(0.1, [1, 10], 0.015, ONE), (2.0, [10, 20], 0.02, CACHED)] {
         let [coarse, fine] = [few, many].map(|n| bench.render(&cube(n, extinction, Model::Multiple)));
         let [coarse, fine] = [coarse?, fine?].map(|mean| f64::from(mean.x));
         let case = format!(
