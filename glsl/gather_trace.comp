@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Gather, step 3: the chosen candidates are traced in the data from the points of the cell, and the light they carry is scattered once more.
+// Gather, step 3: the chosen candidates are traced in the data from the points of the cell, and the light they carry is
+// scattered once more.
 // Grid: one invocation per cell of a chunk of the list.
 #define LIST_BINDING 3
 #define LIGHTS_BINDING 11

@@ -11,7 +11,7 @@ use common::gpu_test;
 use glam::{DVec3, Vec3, Vec4};
 use tyndall::abi::ScatterSample;
 use tyndall::cpu;
-use tyndall::passes::compact::Listed;
+use tyndall::passes::compact::{List, Listed};
 use tyndall::passes::project::{Kept, Projection, Scattering};
 use tyndall::passes::single_scatter::SingleScatter;
 use tyndall::scene::{Environment, Light, Scene};
@@ -26,34 +26,46 @@ const SMALL: f32 = 1e-5;
 const DIRECTIONS: u32 = 10;
 const STEP: f32 = 0.7;
 
-/// Samples of the pass, by cell of the list, as [`cpu::single_scatter::single_scatter`] has them.
-fn run(ctx: &Context, setup: &Setup, step: f32) -> ([Vec<Vec<ScatterSample>>; 2], Vec<u32>) {
-    let (list, cells) = setup.list(ctx, Listed::Cells);
-    let pass = SingleScatter::new(ctx, &setup.data, DIRECTIONS, step).unwrap();
-    let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
-    let rays = [pass.light_rays(&setup.data), pass.environment_rays(&setup.data)];
-    let read = [0, 1].map(|kind| {
-        let mut rec = Recorder::new(ctx).unwrap();
-        projection.record_clear_all(&mut rec);
-        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
-        let args = list.chunk_args(ctx, &mut rec, 1).unwrap();
-        let scattering = Scattering {
-            scene: &setup.data,
-            emptiness: &setup.emptiness.image,
-            field: &setup.field,
-            projection: &projection,
-            args: &args,
-            kept: Kept::Mean,
-        };
-        for chunk in list.chunks() {
-            match kind {
-                0 => pass.record_lights(&mut rec, &scattering, &chunk, 0..setup.data.light_count),
-                _ => pass.record_environment(&mut rec, &scattering, &chunk),
-            }
+/// Which light the pass samples.
+#[derive(Clone, Copy)]
+enum Kind {
+    Lights,
+    Environment,
+}
+
+/// Runs the pass for the listed cells into an empty projection.
+fn deposit(ctx: &Context, setup: &Setup, pass: &SingleScatter, projection: &Projection, list: &List, kind: Kind) {
+    let mut rec = Recorder::new(ctx).unwrap();
+    projection.record_clear_all(&mut rec);
+    rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+    let args = list.chunk_args(ctx, &mut rec, 1).unwrap();
+    let scattering = Scattering {
+        scene: &setup.data,
+        emptiness: &setup.emptiness.image,
+        field: &setup.field,
+        projection,
+        args: &args,
+        kept: Kept::Mean,
+    };
+    for chunk in list.chunks() {
+        match kind {
+            Kind::Lights => pass.record_lights(&mut rec, &scattering, &chunk, 0..setup.data.light_count),
+            Kind::Environment => pass.record_environment(&mut rec, &scattering, &chunk),
         }
-        rec.submit_and_wait().unwrap();
+    }
+    rec.submit_and_wait().unwrap();
+}
+
+/// Samples of the pass, by cell of the list, as [`cpu::single_scatter::single_scatter`] has them.
+fn run(ctx: &Context, setup: &Setup) -> ([Vec<Vec<ScatterSample>>; 2], Vec<u32>) {
+    let (list, cells) = setup.list(ctx, Listed::Cells);
+    let pass = SingleScatter::new(ctx, &setup.data, DIRECTIONS, STEP).unwrap();
+    let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
+    let kinds = [(Kind::Lights, pass.light_rays(&setup.data)), (Kind::Environment, pass.environment_rays(&setup.data))];
+    let read = kinds.map(|(kind, rays)| {
+        deposit(ctx, setup, &pass, &projection, &list, kind);
         let samples = ctx.read_back(projection.samples()).unwrap();
-        let slots = rays[kind].min(projection.slots()) as usize;
+        let slots = rays.min(projection.slots()) as usize;
         let of_cell = |item: usize| (0..slots).map(|slot| samples[slot * bodies::CHUNK as usize + item]).collect();
         (0..cells.len()).map(of_cell).collect()
     });
@@ -68,7 +80,7 @@ struct Checked {
 
 fn check(ctx: &Context, name: &str, scene: &Scene) -> Checked {
     let setup = Setup::new(ctx, scene);
-    let (got, cells) = run(ctx, &setup, STEP);
+    let (got, cells) = run(ctx, &setup);
     let field = texture(ctx, &setup.field);
     let expected = cpu::single_scatter::single_scatter(&setup.host, &cells, &field, DIRECTIONS, STEP);
     // A direction on the edge between two texels of the sky may fall into either; an acos is good to 5e-5.
@@ -158,22 +170,7 @@ fn many_lights_are_split_over_dispatches() {
             let pass = SingleScatter::new(ctx, &setup.data, DIRECTIONS, step).unwrap();
             assert_eq!(pass.light_rays(&setup.data), 280);
             let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
-            let mut rec = Recorder::new(ctx).unwrap();
-            projection.record_clear_all(&mut rec);
-            rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
-            let args = list.chunk_args(ctx, &mut rec, 1).unwrap();
-            let scattering = Scattering {
-                scene: &setup.data,
-                emptiness: &setup.emptiness.image,
-                field: &setup.field,
-                projection: &projection,
-                args: &args,
-                kept: Kept::Mean,
-            };
-            for chunk in list.chunks() {
-                pass.record_lights(&mut rec, &scattering, &chunk, 0..setup.data.light_count);
-            }
-            rec.submit_and_wait().unwrap();
+            deposit(ctx, &setup, &pass, &projection, &list, Kind::Lights);
             let sums: Vec<Vec4> = ctx.read_back_image(&projection.sums()[0]).unwrap();
             // Steps of half a voxel see what steps of a hundredth see to some per cent.
             let tolerance = if step < 0.1 { ROUNDING } else { 0.1 };

@@ -71,7 +71,6 @@ impl Marks {
 
 /// A list.
 pub struct List {
-    listed: Listed,
     segments: Vec<Segment>,
     chunk_items: u32,
     pipeline: Pipeline,
@@ -167,7 +166,6 @@ impl List {
         };
         let specialization = [&lookback_constants(ctx)[..], &[("LISTED", kind)]].concat();
         Ok(Self {
-            listed,
             segments,
             chunk_items,
             pipeline: Pipeline::new(ctx, &shaders::COMPACT, &specialization)?,
@@ -217,11 +215,6 @@ impl List {
     /// Number of items; of all indices until [`List::read_counts`].
     pub fn items(&self) -> u64 {
         self.segments.iter().map(|s| u64::from(s.items)).sum()
-    }
-
-    /// What is in the list.
-    pub fn listed(&self) -> Listed {
-        self.listed
     }
 
     /// Linear indices of the items, for tests.
