@@ -7,6 +7,7 @@
 // Grid: x, y = pixels of a band of rows.
 #define ENVIRONMENT_BINDING 3
 #define LIGHTS_BINDING 7
+#define SCENE_COPIED
 #include "include/transfer.glsl"
 #include "include/march.glsl"
 #include "include/rng.glsl"
@@ -81,6 +82,7 @@ vec3 lit_radiance(vec3 p, vec3 to_eye, float seen, uint key) {
 }
 
 void main() {
+    scene = scene_in_memory;
     uvec2 pixel = uvec2(gl_GlobalInvocationID.x, row_begin + gl_GlobalInvocationID.y);
     if (pixel.x >= scene.size.x || pixel.y >= row_end) {
         return;

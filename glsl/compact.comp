@@ -27,8 +27,18 @@ uint tile_item(uint index) {
     if (index >= count) {
         return 0u;
     }
-    ivec3 at = LISTED == LISTED_CELLS ? cell_from_linear(first + index) : ivec3(voxel_from_linear(first + index));
-    return texelFetch(marks, at, 0).r >> LISTED & 1u;
+    // Not a constant: reflection cannot evaluate operators on specialization constants.
+    uint listed = LISTED;
+    if (listed == LISTED_VOXELS || listed == LISTED_NODES) {
+        return texelFetch(marks, ivec3(voxel_from_linear(first + index)), 0).r >> listed & 1u;
+    }
+    ivec3 at = cell_from_linear(first + index);
+    uint is_cell = texelFetch(marks, at, 0).r >> LISTED_CELLS & 1u;
+    if (listed == LISTED_CELLS || is_cell == 0u) {
+        return is_cell;
+    }
+    uint seen = texelFetch(marks, at, 0).r >> LISTED_SEEN & 1u;
+    return listed == LISTED_SEEN ? seen : 1u - seen;
 }
 
 void main() {

@@ -4,6 +4,7 @@
 // nearest reads and long steps (the paper's section on multiple scattering).
 // Grid: x = cells of a chunk of the list, y = blocks of candidates.
 #define LIST_BINDING 3
+#define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/march.glsl"
 #include "include/cell.glsl"
@@ -28,6 +29,7 @@ layout(push_constant, scalar) uniform GatherProxyPush {
 };
 
 void main() {
+    scene = scene_in_memory;
     uint item = gl_GlobalInvocationID.x;
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;

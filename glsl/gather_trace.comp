@@ -7,6 +7,7 @@
 #define LIGHTS_BINDING 11
 #define SAMPLES_BINDING 10
 #define SAMPLES_ACCESS writeonly
+#define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/march.glsl"
 #include "include/cell_scattering.glsl"
@@ -69,10 +70,10 @@ vec3 sampled_direction(uint number, uint count, vec2 shift) {
 vec3 traced_radiance(Ray ray, vec3 towards) {
     float through = 1.0;
     vec3 radiance = vec3(0.0);
-    float t = ray.begin;
-    while (t < ray.end && through > LEAST_TRANSMITTANCE) {
-        float stride = min(ray.dt, ray.end - t);
-        vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
+    Stepper at = first_step(ray);
+    while (at.t < ray.end && through > LEAST_TRANSMITTANCE) {
+        float stride = min(at.share * ray.dt, ray.end - at.t);
+        vec3 p = ray.origin + ray.direction * (at.t + 0.5 * stride);
         vec3 uvw = p / vec3(scene.dims);
         vec4 f = textureLod(source_a, uvw, 0.0);
         vec3 source = f.rgb;
@@ -90,12 +91,13 @@ vec3 traced_radiance(Ray ray, vec3 towards) {
         }
         radiance += source * (through * scale * mean_transmittance(tau, passed));
         through *= passed;
-        t += steps_ahead(ray, p) * ray.dt;
+        step_on(at, ray, p);
     }
     return radiance;
 }
 
 void main() {
+    scene = scene_in_memory;
     uint item = gl_GlobalInvocationID.x;
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;

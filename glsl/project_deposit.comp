@@ -12,6 +12,7 @@
 #define LIST_BINDING 1
 #define SAMPLES_BINDING 3
 #define SAMPLES_ACCESS readonly
+#define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/scatter_sample.glsl"
 
@@ -39,6 +40,7 @@ layout(push_constant, scalar) uniform ProjectDepositPush {
 };
 
 void main() {
+    scene = scene_in_memory;
     uint item = gl_GlobalInvocationID.x;
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;

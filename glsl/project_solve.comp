@@ -7,6 +7,7 @@
 // u = b_i / Σ_j M_ij; the others are Richardson's with Chebyshev's factors: D⁻¹M, D = Σ_j M_ij, has eigenvalues in (0, 1].
 // Grid: one invocation per voxel of a chunk of the list.
 #define LIST_BINDING 1
+#define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/cell.glsl"
 
@@ -29,6 +30,7 @@ layout(push_constant, scalar) uniform ProjectSolvePush {
 };
 
 void main() {
+    scene = scene_in_memory;
     uint item = gl_GlobalInvocationID.x;
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;

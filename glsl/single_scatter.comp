@@ -9,6 +9,7 @@
 #define SAMPLES_ACCESS writeonly
 #define ENVIRONMENT_BINDING 13
 #define ENVIRONMENT_SAMPLING
+#define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/march.glsl"
 #include "include/cell_scattering.glsl"
@@ -35,6 +36,7 @@ layout(push_constant, scalar) uniform SingleScatterPush {
 };
 
 void main() {
+    scene = scene_in_memory;
     uint item = gl_GlobalInvocationID.x;
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;

@@ -176,6 +176,20 @@ pub struct CompactPush {
     pub count: u32,
 }
 
+/// `see.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SeePush {
+    /// Rays per pixel along each axis of the picture.
+    pub rays: u32,
+    /// First row of rays.
+    pub row_begin: u32,
+    /// Row after the last.
+    pub row_end: u32,
+    /// Step of the rays in voxels.
+    pub step_voxels: f32,
+}
+
 /// `single_scatter.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

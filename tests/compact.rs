@@ -18,17 +18,20 @@ const ALL: [Listed; 3] = [Listed::Cells, Listed::Nodes, Listed::Voxels];
 
 /// Indices that there are.
 fn count(dims: [u32; 3], listed: Listed) -> u32 {
-    dims.map(|d| if listed == Listed::Cells { d + 1 } else { d }).iter().product()
+    dims.map(|d| if matches!(listed, Listed::Voxels | Listed::Nodes) { d } else { d + 1 }).iter().product()
 }
 
 #[test]
 fn lists_agree_with_the_twin() {
     gpu_test(|ctx| {
+        // Without see.comp nothing is seen.
+        let all = [&ALL[..], &[Listed::SeenCells, Listed::HiddenCells]].concat();
         for (name, scene) in scenes() {
             let setup = Setup::new(ctx, &scene);
             let (params, field) = (&setup.host.params, texture(ctx, &setup.field));
-            for listed in cases(ALL.to_vec()) {
-                let expected = compact(params, &field, listed, 0, count(params.dims, listed));
+            let nothing = vec![false; count(params.dims, Listed::Cells) as usize];
+            for &listed in &cases(all.clone()) {
+                let expected = compact(params, &field, &nothing, listed, 0, count(params.dims, listed));
                 assert_same(&format!("{name}, {listed:?}"), &setup.list(ctx, listed).1, &expected);
                 if listed == Listed::Voxels {
                     assert_eq!(setup.marks.active_voxels(ctx).unwrap(), expected.len() as u64, "{name}");
@@ -70,7 +73,7 @@ fn segments_and_chunks_leave_nothing_out() {
             (Listed::Voxels, Some(9000), 1000),
             (Listed::Cells, Some(4096), 4096),
         ] {
-            let expected = compact(params, &texture(ctx, &setup.field), listed, 0, count(params.dims, listed));
+            let expected = compact(params, &texture(ctx, &setup.field), &[], listed, 0, count(params.dims, listed));
             assert!(expected.len() > 10_000);
             let mut list = List::new(ctx, &setup.data, listed, chunk, segment).unwrap();
             let mut rec = Recorder::new(ctx).unwrap();

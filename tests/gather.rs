@@ -92,7 +92,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     projection.record_clear_all(&mut rec);
     rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
     let [cell_args, node_args] = [&list, &nodes].map(|list| list.chunk_args(ctx, &mut rec, 1).unwrap());
-    let args = pass.args(ctx, &mut rec, &list).unwrap();
+    let args = pass.args(ctx, &mut rec, &list, 1.0).unwrap();
     if let Some(proxy) = &proxy {
         proxy.record_clear(&mut rec);
         proxy.record(&mut rec, &setup.data, &nodes, &node_args, &source.a, ORDER);

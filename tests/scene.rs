@@ -377,10 +377,10 @@ fn contradictions_are_refused() {
 #[test]
 fn what_does_not_fit_together_is_refused() {
     let bad = |text: &str, parts: &[&str]| assert_error(scene_of(text, &[]), 1, parts);
-    bad("render.directions = 17", &["render.directions", "17", "16 candidates", "--candidates 17"]);
-    bad("render = { directions = 17, sampling = 'top' }", &["render.directions"]);
-    scene_of("render = { directions = 17, sampling = 'phase' }", &[]).unwrap();
-    scene_of("render = { directions = 16 }", &[]).unwrap();
+    bad("render.directions = 33", &["render.directions", "33", "32 candidates", "--candidates 33"]);
+    bad("render = { directions = 33, sampling = 'top' }", &["render.directions"]);
+    scene_of("render = { directions = 33, sampling = 'phase' }", &[]).unwrap();
+    scene_of("render = { directions = 32 }", &[]).unwrap();
     for (setting, part) in [
         ("orders = 'unlimited'", "only the model path"),
         ("spp = 65537", "65536"),

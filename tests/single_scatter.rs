@@ -50,7 +50,7 @@ fn deposit(ctx: &Context, setup: &Setup, pass: &SingleScatter, projection: &Proj
     for chunk in list.chunks() {
         match kind {
             Kind::Lights => pass.record_lights(&mut rec, &scattering, &chunk, 0..setup.data.light_count),
-            Kind::Environment => pass.record_environment(&mut rec, &scattering, &chunk),
+            Kind::Environment => pass.record_environment(&mut rec, &scattering, &chunk, 1.0),
         }
     }
     rec.submit_and_wait().unwrap();
@@ -61,7 +61,8 @@ fn run(ctx: &Context, setup: &Setup) -> ([Vec<Vec<ScatterSample>>; 2], Vec<u32>)
     let (list, cells) = setup.list(ctx, Listed::Cells);
     let pass = SingleScatter::new(ctx, &setup.data, DIRECTIONS, STEP).unwrap();
     let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
-    let kinds = [(Kind::Lights, pass.light_rays(&setup.data)), (Kind::Environment, pass.environment_rays(&setup.data))];
+    let kinds =
+        [(Kind::Lights, pass.light_rays(&setup.data)), (Kind::Environment, pass.environment_rays(&setup.data, 1.0))];
     let read = kinds.map(|(kind, rays)| {
         deposit(ctx, setup, &pass, &projection, &list, kind);
         let samples = ctx.read_back(projection.samples()).unwrap();

@@ -53,6 +53,10 @@ const uint LISTED_VOXELS = 0u;
 const uint LISTED_NODES = 1u;
 // LISTED: cells with extinction.
 const uint LISTED_CELLS = 2u;
+// LISTED: of those, the ones that the eye sees (see.comp).
+const uint LISTED_SEEN = 3u;
+// LISTED: the other cells with extinction.
+const uint LISTED_HIDDEN = 4u;
 
 // Points of a cell.
 const uint CELL_POINTS = 8u;
@@ -70,6 +74,8 @@ const uint EMITTED_COLOR = 2u;
 
 // Largest distance to an occupied macrocell that rays make use of, in cells.
 const uint MAX_EMPTINESS = 32u;
+// Length of the first step of a ray that starts in the medium, and by how much the next ones are longer, in whole steps.
+const float NEAR_STEP = 0.25;
 // Stands for NaN in the scalars: such voxels are empty.
 const float NO_VALUE = -3.4028235e38;
 

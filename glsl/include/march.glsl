@@ -18,6 +18,24 @@ float steps_ahead(Ray ray, vec3 p) {
     return reach > 0.0 ? max(1.0, ceil(min(t.x, min(t.y, t.z)) / ray.dt)) : 1.0;
 }
 
+// Steps of rays from points in the medium: the first are short, since what is near is seen largest and in most detail.
+struct Stepper {
+    // Where the step begins, and its length in steps of the ray.
+    float t;
+    float share;
+};
+
+Stepper first_step(Ray ray) {
+    return Stepper(ray.begin, NEAR_STEP);
+}
+
+// `p`: the middle of the step.
+void step_on(inout Stepper at, Ray ray, vec3 p) {
+    // Only whole steps skip: so the steps are the same whatever is skipped.
+    at.t += at.share < 1.0 ? at.share * ray.dt : steps_ahead(ray, p) * ray.dt;
+    at.share = min(1.0, at.share + NEAR_STEP);
+}
+
 // (1 − e^−τ)/τ: the mean of the transmittance over a step of optical depth τ.
 float mean_transmittance(float tau, float transmitted) {
     return tau > 1e-3 ? (1.0 - transmitted) / tau : 1.0 - 0.5 * tau;
@@ -35,13 +53,13 @@ const float LEAST_TRANSMITTANCE = 1e-3;
 float transmittance(sampler3D field, Ray ray, float limit) {
     float end = min(ray.end, limit);
     float tau = 0.0;
-    float t = ray.begin;
+    Stepper at = first_step(ray);
     // e^−7 is below LEAST_TRANSMITTANCE. The host keeps rays * steps within MAX_ITERATIONS.
-    while (t < end && tau < 7.0) {
-        float stride = min(ray.dt, end - t);
-        vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
+    while (at.t < end && tau < 7.0) {
+        float stride = min(at.share * ray.dt, end - at.t);
+        vec3 p = ray.origin + ray.direction * (at.t + 0.5 * stride);
         tau += textureLod(field, p / vec3(scene.dims), 0.0).a * scene.max_extinction * stride;
-        t += steps_ahead(ray, p) * ray.dt;
+        step_on(at, ray, p);
     }
     return tau < 7.0 ? exp(-tau) : 0.0;
 }

@@ -19,6 +19,10 @@ pub struct Args {
     #[arg(value_name = "B")]
     reference: PathBuf,
 
+    /// The reference once more with another seed: then RMSE, relMSE and PSNR are without the references' noise.
+    #[arg(value_name = "B2")]
+    second: Option<PathBuf>,
+
     /// Print JSON. Infinite figures (of equal or black pictures) become null.
     #[arg(long)]
     json: bool,
@@ -28,11 +32,15 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<String> {
     let a = output::read_picture(&args.picture)?;
     let b = output::read_picture(&args.reference)?;
-    let metrics = metrics::compare(&a, &b)?;
+    let metrics = match &args.second {
+        Some(second) => metrics::compare_to_two(&a, [&b, &output::read_picture(second)?])?,
+        None => metrics::compare(&a, &b)?,
+    };
     if args.json {
         return Ok(to_json(&metrics));
     }
-    let display = [&args.picture, &args.reference].iter().any(|p| Format::of(p).is_ok_and(|f| f == Format::Png));
+    let pictures = [Some(&args.picture), Some(&args.reference), args.second.as_ref()];
+    let display = pictures.iter().flatten().any(|p| Format::of(p).is_ok_and(|f| f == Format::Png));
     let note = if display {
         "a PNG's exposure and tone curve are part of it: compare EXR for errors in radiance\n"
     } else {

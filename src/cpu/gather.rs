@@ -108,7 +108,7 @@ pub enum Carried<'a> {
 /// without the phase function.
 pub fn traced_radiance(scene: &SceneParams, carried: Carried<'_>, ray: Ray, towards: Vec3) -> Vec3 {
     let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
-    for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
+    for Step { p, stride, .. } in ray.near_steps(f32::INFINITY) {
         if through <= LEAST_TRANSMITTANCE {
             break;
         }

@@ -3,6 +3,7 @@
 use super::scene::index_from_world_direction;
 use super::texture::Texture;
 use crate::abi::SceneParams;
+use crate::shaders::constants::NEAR_STEP;
 use glam::{Vec3, Vec4};
 
 /// Below this transmittance a ray ends.
@@ -54,17 +55,26 @@ pub struct Step {
 impl Ray {
     /// Every step before `limit`. The first one is `first` long.
     pub fn steps(self, first: f32, limit: f32) -> impl Iterator<Item = Step> {
+        self.steps_of(std::iter::once(first).chain(std::iter::repeat(self.dt)), limit)
+    }
+
+    /// Every step before `limit` of a ray that starts in the medium: the first are short.
+    pub fn near_steps(self, limit: f32) -> impl Iterator<Item = Step> {
+        let shares = (1u8..).map(|i| (f32::from(i) * NEAR_STEP).min(1.0)).take_while(|&share| share < 1.0);
+        self.steps_of(shares.map(move |share| share * self.dt).chain(std::iter::repeat(self.dt)), limit)
+    }
+
+    fn steps_of(self, mut lengths: impl Iterator<Item = f32>, limit: f32) -> impl Iterator<Item = Step> {
         let end = self.end.min(limit);
         let mut t = self.begin;
-        let mut next = first;
         std::iter::from_fn(move || {
-            (t < end).then(|| {
-                let stride = next.min(end - t);
-                let step = Step { t, stride, p: self.origin + self.direction * (t + 0.5 * stride) };
-                t += stride;
-                next = self.dt;
-                step
-            })
+            if t >= end {
+                return None;
+            }
+            let stride = lengths.next()?.min(end - t);
+            let step = Step { t, stride, p: self.origin + self.direction * (t + 0.5 * stride) };
+            t += stride;
+            Some(step)
         })
     }
 }
@@ -77,6 +87,6 @@ pub fn mean_transmittance(tau: f32) -> f32 {
 /// Transmittance along `ray` up to `limit`; `field` holds relative extinction. 0 below e⁻⁷.
 pub fn transmittance(scene: &SceneParams, field: &Texture<Vec4>, ray: Ray, limit: f32) -> f32 {
     let depth = |step: Step| field.sample(step.p).w * scene.max_extinction * step.stride;
-    let tau: f32 = ray.steps(ray.dt, limit).map(depth).sum();
+    let tau: f32 = ray.near_steps(limit).map(depth).sum();
     if tau < 7.0 { (-tau).exp() } else { 0.0 }
 }

@@ -20,6 +20,7 @@ pub mod radix_sort;
 pub mod rng;
 pub mod scan;
 pub mod scene;
+pub mod see;
 pub mod single_scatter;
 pub mod sphere;
 pub mod texture;

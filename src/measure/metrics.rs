@@ -32,15 +32,53 @@ pub struct Metrics {
     pub alpha_rmse: f64,
 }
 
+fn check_sizes(a: &Picture, b: &Picture) -> Result<()> {
+    if (a.width, a.height) == (b.width, b.height) {
+        return Ok(());
+    }
+    Err(Error::input(
+        "compare",
+        format!("the pictures differ in size: {}x{} and {}x{}", a.width, a.height, b.width, b.height),
+        "render all with the same --size",
+    ))
+}
+
+/// All metrics of `a` against two references with independent noise, of the same expectation: their noise is no part of
+/// RMSE, relMSE and PSNR, since E (a−b₁)(a−b₂) = E (a−E b)². Everything else refers to their mean. An error if sizes differ.
+pub fn compare_to_two(a: &Picture, references: [&Picture; 2]) -> Result<Metrics> {
+    let [b1, b2] = references;
+    check_sizes(a, b1)?;
+    check_sizes(a, b2)?;
+    let mut b = b1.clone();
+    for (p, q) in b.pixels.iter_mut().zip(&b2.pixels) {
+        *p = std::array::from_fn(|c| 0.5 * (p[c] + q[c]));
+    }
+    let metrics = compare(a, &b)?;
+    let pictures = [a, b1, b2, &b];
+    let values =
+        || (0..a.pixels.len()).flat_map(move |i| (0..3).map(move |c| pictures.map(|p| f64::from(p.pixels[i][c]))));
+    let count = 3.0 * a.pixels.len() as f64;
+    let epsilon = 0.01 * (values().map(|[.., b]| b).sum::<f64>() / count).powi(2);
+    let square = |[a, b1, b2, _]: [f64; 4]| (a - b1) * (a - b2);
+    let relative = |v: [f64; 4]| if square(v) == 0.0 { 0.0 } else { square(v) / (v[3] * v[3] + epsilon) };
+    // By chance the estimate may be negative.
+    let mse = (values().map(square).sum::<f64>() / count).max(0.0);
+    let max_b = values().map(|[.., b]| b).fold(0.0, f64::max);
+    Ok(Metrics {
+        rmse: mse.sqrt(),
+        rel_mse: values().map(relative).sum::<f64>() / count,
+        psnr: psnr(max_b, mse),
+        ..metrics
+    })
+}
+
+fn psnr(max_b: f64, mse: f64) -> f64 {
+    if mse == 0.0 { f64::INFINITY } else { 10.0 * (max_b * max_b / mse).log10() }
+}
+
 /// All metrics of `a` against the reference `b`; an error if their sizes differ.
 pub fn compare(a: &Picture, b: &Picture) -> Result<Metrics> {
-    if (a.width, a.height) != (b.width, b.height) {
-        return Err(Error::input(
-            "compare",
-            format!("the pictures differ in size: {}x{} and {}x{}", a.width, a.height, b.width, b.height),
-            "render both with the same --size",
-        ));
-    }
+    check_sizes(a, b)?;
     let pairs = || a.pixels.iter().zip(&b.pixels);
     let channels = || pairs().flat_map(|(a, b)| (0..3).map(|c| (f64::from(a[c]), f64::from(b[c]))));
     let pixels = a.pixels.len() as f64;
@@ -64,7 +102,7 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Metrics> {
         rel_mse: channels().map(relative).sum::<f64>() / values,
         bias: [bias(0), bias(1), bias(2)],
         block_bias: block_bias(a, b),
-        psnr: if mse == 0.0 { f64::INFINITY } else { 10.0 * (max_b * max_b / mse).log10() },
+        psnr: psnr(max_b, mse),
         max_difference: channels().map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
         alpha_rmse: alpha_mse.sqrt(),
     })
@@ -283,6 +321,22 @@ mod tests {
         near(m.psnr, 10.0 * (9.0 / mse).log10());
         near(m.max_difference, 0.6);
         near(m.alpha_rmse, 0.5);
+    }
+
+    /// The picture is off by 0.1 and has noise of variance 0.01/3; the references have nine times that.
+    #[test]
+    fn two_references_take_their_noise_out() {
+        let a = noisy(1.1, 0.1, 256, 1);
+        let [b1, b2] = [2, 3].map(|seed| noisy(1.0, 0.3, 256, seed));
+        let wanted = 0.01 + 0.01 / 3.0;
+        let two = compare_to_two(&a, [&b1, &b2]).unwrap();
+        assert!((two.rmse.powi(2) - wanted).abs() < 0.02 * wanted, "{two:?}");
+        assert!((two.bias[1] - 0.1).abs() < 0.003, "{two:?}");
+        assert!(compare(&a, &b1).unwrap().rmse.powi(2) > 3.0 * wanted);
+        // With the same picture twice it is the plain comparison.
+        assert_eq!(compare_to_two(&a, [&b1, &b1]).unwrap(), compare(&a, &b1).unwrap());
+        let other = Picture::filled(255, 256, [0.0; 4]);
+        assert!(compare_to_two(&a, [&b1, &other]).is_err() && compare_to_two(&a, [&other, &b1]).is_err());
     }
 
     #[test]

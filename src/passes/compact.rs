@@ -27,12 +27,16 @@ pub enum Listed {
     Nodes,
     /// Cells with extinction at a corner (`glsl/include/cell.glsl`).
     Cells,
+    /// Of those, the ones that the eye sees ([`See`](super::see::See)).
+    SeenCells,
+    /// The other cells with extinction.
+    HiddenCells,
 }
 
 /// Marks of all voxels and cells (`glsl/mark.comp`).
 pub struct Marks {
     pipeline: Pipeline,
-    image: Image,
+    pub(super) image: Image,
     tally: Buffer<u32>,
 }
 
@@ -136,7 +140,9 @@ impl List {
         segment_items: Option<u32>,
     ) -> Result<Self> {
         let all: u64 = match listed {
-            Listed::Cells => scene.params.dims.iter().map(|&d| u64::from(d) + 1).product(),
+            Listed::Cells | Listed::SeenCells | Listed::HiddenCells => {
+                scene.params.dims.iter().map(|&d| u64::from(d) + 1).product()
+            }
             Listed::Voxels | Listed::Nodes => scene.voxels(),
         };
         if all > u64::from(u32::MAX) {
@@ -163,6 +169,8 @@ impl List {
             Listed::Voxels => constants::LISTED_VOXELS,
             Listed::Nodes => constants::LISTED_NODES,
             Listed::Cells => constants::LISTED_CELLS,
+            Listed::SeenCells => constants::LISTED_SEEN,
+            Listed::HiddenCells => constants::LISTED_HIDDEN,
         };
         let specialization = [&lookback_constants(ctx)[..], &[("LISTED", kind)]].concat();
         Ok(Self {

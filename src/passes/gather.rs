@@ -5,7 +5,7 @@ use super::compact::{Chunk, ChunkArgs, List};
 use super::project::{Scattering, Source};
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation, share_of};
 use crate::Result;
 use crate::abi::{GatherProxyPush, GatherSelectPush, GatherTracePush};
 use crate::scene::{Sampling, Settings};
@@ -81,8 +81,10 @@ pub struct Gather {
     block: u32,
 }
 
-/// Arguments of the three kernels' dispatches.
+/// Arguments of the three kernels' dispatches over one list.
 pub struct GatherArgs {
+    /// M and N for its cells.
+    counts: [u32; 2],
     candidates: Option<[ChunkArgs; 2]>,
     trace: ChunkArgs,
 }
@@ -147,22 +149,28 @@ impl Gather {
         &self.chosen
     }
 
-    /// Rough cost per cell in traced rays: a proxy ray costs a part of one.
-    pub fn rays(&self) -> f64 {
-        let estimated = if self.candidates.is_some() { 0.3 * f64::from(self.config.candidates) } else { 0.0 };
-        f64::from(self.config.directions) + estimated
+    /// M and N for cells that get the given share of directions.
+    fn counts(&self, share: f32) -> [u32; 2] {
+        [self.config.candidates, self.config.directions].map(|count| share_of(count, share))
     }
 
-    /// Dispatch arguments for all chunks of the list; see [`List::chunk_args`].
-    pub fn args(&self, ctx: &Context, rec: &mut Recorder, list: &List) -> Result<GatherArgs> {
-        let ranks = if self.config.sampling == Sampling::Top { self.config.candidates } else { 1 };
+    /// Rough cost per cell in traced rays: a proxy ray costs a part of one.
+    pub fn rays(&self, share: f32) -> f64 {
+        let [candidates, directions] = self.counts(share).map(f64::from);
+        directions + if self.candidates.is_some() { 0.3 * candidates } else { 0.0 }
+    }
+
+    /// Arguments for all chunks of a list whose cells get the given share of directions; see [`List::chunk_args`].
+    pub fn args(&self, ctx: &Context, rec: &mut Recorder, list: &List, share: f32) -> Result<GatherArgs> {
+        let counts @ [most, _] = self.counts(share);
+        let ranks = if self.config.sampling == Sampling::Top { most } else { 1 };
         let candidates = if self.candidates.is_some() {
-            let blocks = self.config.candidates.div_ceil(self.block);
+            let blocks = most.div_ceil(self.block);
             Some([list.chunk_args(ctx, rec, blocks)?, list.chunk_args(ctx, rec, ranks)?])
         } else {
             None
         };
-        Ok(GatherArgs { candidates, trace: list.chunk_args(ctx, rec, 1)? })
+        Ok(GatherArgs { counts, candidates, trace: list.chunk_args(ctx, rec, 1)? })
     }
 
     /// Gathers a chunk of cells: samples the light of `source`, scattered once more, and deposits it. `stream` keeps the
@@ -183,6 +191,7 @@ impl Gather {
         light: u32,
     ) {
         let c = &self.config;
+        let [candidates, directions] = args.counts;
         let (scene, emptiness) = (scattering.scene, scattering.emptiness);
         let (chunk_begin, chunk_items, order) = (chunk.begin, chunk.items, stream);
         order_compute(rec);
@@ -193,7 +202,7 @@ impl Gather {
                 chunk_begin,
                 chunk_items,
                 order,
-                candidates: c.candidates,
+                candidates,
                 block: self.block,
                 step_voxels: c.proxy_step,
             };
@@ -208,22 +217,15 @@ impl Gather {
             rec.end_pass();
             order_compute(rec);
             rec.begin_pass("gather.select", stream);
-            let push = GatherSelectPush {
-                chunk_begin,
-                chunk_items,
-                order,
-                candidates: c.candidates,
-                directions: c.directions,
-                defence: c.defence,
-            };
+            let push = GatherSelectPush { chunk_begin, chunk_items, order, candidates, directions, defence: c.defence };
             let binds =
                 [("scene_block", scene.block.bind()), ("weights", self.weights.bind()), ("chosen", self.chosen.bind())];
             chunk.dispatch(rec, select, &binds, &push, select_args);
             rec.end_pass();
         }
         rec.begin_pass("gather.trace", stream);
-        let lattice = if c.uses_proxy() { c.candidates } else { c.directions };
-        scattering.record_blocks(rec, chunk, c.directions, c.step, true, |rec, slots| {
+        let lattice = if c.uses_proxy() { candidates } else { directions };
+        scattering.record_blocks(rec, chunk, directions, c.step, true, |rec, slots| {
             let push = GatherTracePush {
                 chunk_begin,
                 chunk_items,
@@ -231,7 +233,7 @@ impl Gather {
                 lattice,
                 slot_begin: slots.start,
                 slot_end: slots.end,
-                directions: c.directions,
+                directions,
                 step_voxels: c.step,
                 light,
             };

@@ -15,6 +15,7 @@ pub mod proxy;
 pub mod radix_sort;
 pub mod scan;
 pub mod scene_data;
+pub mod see;
 pub mod single_scatter;
 
 use crate::shaders::constants::MAX_ITERATIONS;
@@ -22,6 +23,11 @@ use crate::vk::{Access, Recorder};
 
 /// Workgroup size of kernels over lists.
 pub const LIST_WORKGROUP: u32 = 64;
+
+/// The given share of `count` directions, at least one.
+pub(crate) fn share_of(count: u32, share: f32) -> u32 {
+    ((count as f32 * share).ceil() as u32).max(1)
+}
 
 /// Orders everything that compute shaders did before everything that they do next.
 pub(crate) fn order_compute(rec: &mut Recorder) {
@@ -31,8 +37,8 @@ pub(crate) fn order_compute(rec: &mut Recorder) {
 /// Loop iterations that a ray through a volume may take: the longest diagonal in steps, and what rounding adds.
 pub fn ray_iterations(dims: [u32; 3], step_voxels: f32) -> u32 {
     let diagonal = dims.iter().map(|&d| f64::from(d).powi(2)).sum::<f64>().sqrt();
-    // Every skipped cell may cost a step more than its length says.
-    (diagonal / f64::from(step_voxels)).ceil() as u32 + 8
+    // Every skipped cell may cost a step more than its length says; the first steps are short.
+    (diagonal / f64::from(step_voxels)).ceil() as u32 + 12
 }
 
 /// Rays that one invocation may follow within the loop budget; at least 1.

@@ -3,7 +3,7 @@
 use super::compact::Chunk;
 use super::project::Scattering;
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, order_compute};
+use super::{LIST_WORKGROUP, order_compute, share_of};
 use crate::Result;
 use crate::abi::SingleScatterPush;
 use crate::shaders::{self, constants};
@@ -24,9 +24,9 @@ impl SingleScatter {
         Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, directions, step })
     }
 
-    /// Rays per cell towards the environment.
-    pub fn environment_rays(&self, scene: &SceneData) -> u32 {
-        if scene.environment == constants::ENVIRONMENT_NONE { 0 } else { self.directions }
+    /// Rays towards the environment of a cell that gets the given share of directions.
+    pub fn environment_rays(&self, scene: &SceneData, share: f32) -> u32 {
+        if scene.environment == constants::ENVIRONMENT_NONE { 0 } else { share_of(self.directions, share) }
     }
 
     /// Rays per cell towards delta lights.
@@ -34,13 +34,13 @@ impl SingleScatter {
         scene.light_count * constants::LIGHT_POINTS
     }
 
-    /// Samples and deposits the environment's light in a chunk of cells.
+    /// Samples and deposits the environment's light in a chunk of cells, which get the given share of directions.
     ///
     /// Ordered after all compute accesses before; ends with the projection's sums written by compute.
-    pub fn record_environment(&self, rec: &mut Recorder, scattering: &Scattering<'_>, chunk: &Chunk<'_>) {
-        let rays = self.environment_rays(scattering.scene);
+    pub fn record_environment(&self, rec: &mut Recorder, scattering: &Scattering<'_>, chunk: &Chunk<'_>, share: f32) {
+        let rays = self.environment_rays(scattering.scene, share);
         scattering.record_blocks(rec, chunk, rays, self.step, true, |rec, block| {
-            self.record_rays(rec, scattering, chunk, 0..0, block);
+            self.record_rays(rec, scattering, chunk, 0..0, block, rays);
         });
     }
 
@@ -56,7 +56,7 @@ impl SingleScatter {
         let first = lights.start * constants::LIGHT_POINTS;
         let rays = lights.len() as u32 * constants::LIGHT_POINTS;
         scattering.record_blocks(rec, chunk, rays, self.step, false, |rec, block| {
-            self.record_rays(rec, scattering, chunk, first + block.start..first + block.end, 0..0);
+            self.record_rays(rec, scattering, chunk, first + block.start..first + block.end, 0..0, 0);
         });
     }
 
@@ -67,6 +67,7 @@ impl SingleScatter {
         chunk: &Chunk<'_>,
         lights: Range<u32>,
         environment: Range<u32>,
+        environment_directions: u32,
     ) {
         let scene = scattering.scene;
         let push = SingleScatterPush {
@@ -76,7 +77,7 @@ impl SingleScatter {
             light_end: lights.end,
             environment_begin: environment.start,
             environment_end: environment.end,
-            environment_directions: self.directions,
+            environment_directions,
             step_voxels: self.step,
         };
         let binds = [

@@ -12,6 +12,7 @@ use crate::passes::phong::Phong;
 use crate::passes::project::{Kept, Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
 use crate::passes::scene_data::SceneData;
+use crate::passes::see::{self, See};
 use crate::passes::single_scatter::SingleScatter;
 use crate::scene::{Model, Scene};
 use crate::shaders::constants;
@@ -76,8 +77,10 @@ pub struct Renderer<'a> {
     camera: Camera,
     scatter: Option<Scatter>,
     marks: Marks,
+    /// Where some cells get fewer directions.
+    see: Option<See>,
     /// What the voxel passes work on: voxels for `phong`, cells for scattering.
-    list: Option<List>,
+    lists: Vec<Shared>,
     active: u64,
     emptiness: Emptiness,
     /// The emitted source; one texel where nothing that emits is scattered.
@@ -86,6 +89,22 @@ pub struct Renderer<'a> {
     picture: Image,
     proxy_log: Buffer<u32>,
     times: Vec<TimedPass>,
+}
+
+/// A list whose items get the given share of directions.
+struct Shared {
+    list: List,
+    share: f32,
+}
+
+/// The cells of one [`Shared`] list, with arguments for the dispatches over them.
+struct Cells<'a> {
+    list: &'a List,
+    share: f32,
+    args: ChunkArgs,
+    gather: Option<GatherArgs>,
+    emission: Option<GatherArgs>,
+    lights: Option<GatherArgs>,
 }
 
 /// What scattering needs; the local models do without.
@@ -136,11 +155,15 @@ impl<'a> Renderer<'a> {
         let emits = orders > 0 && data.has_emission;
         // What the camera sees of delta lights by single scattering is stored nowhere.
         let stores_light = orders > 1 || orders == 1 && (emits || data.environment != constants::ENVIRONMENT_NONE);
-        let list = match s.model {
-            Model::Phong => Some(List::new(ctx, &data, Listed::Voxels, chunk, segment)?),
-            _ if stores_light => Some(List::new(ctx, &data, Listed::Cells, chunk, segment)?),
-            _ => None,
+        let is_shared = stores_light && s.hidden_share < 1.0;
+        let listed = match s.model {
+            Model::Phong => &[(Listed::Voxels, 1.0)][..],
+            _ if is_shared => &[(Listed::SeenCells, 1.0), (Listed::HiddenCells, s.hidden_share)],
+            _ if stores_light => &[(Listed::Cells, 1.0)],
+            _ => &[],
         };
+        let shared = |&(listed, share)| Ok(Shared { list: List::new(ctx, &data, listed, chunk, segment)?, share });
+        let lists = listed.iter().map(shared).collect::<Result<_>>()?;
         let scatter = if stores_light {
             let has_next = orders > 1;
             let with_proxy = has_next && gather_config.uses_proxy();
@@ -196,7 +219,8 @@ impl<'a> Renderer<'a> {
             camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp, content)?,
             scatter,
             marks: Marks::new(ctx, dims)?,
-            list,
+            see: if is_shared { Some(See::new(ctx)?) } else { None },
+            lists,
             active: 0,
             emptiness: Classify::emptiness(ctx, dims)?,
             emitted: ctx.image_3d("emitted", if emits { dims } else { [1; 3] }, ImageFormat::Rgba16Float)?,
@@ -215,7 +239,7 @@ impl<'a> Renderer<'a> {
         self.set_up(&mut queue)?;
         queue.total = self.work();
         if let Some(phong) = &self.phong {
-            let list = self.list.as_ref().expect("phong has a list");
+            let list = &self.lists[0].list;
             let mut rec = Recorder::new(self.ctx)?;
             let args = list.chunk_args(self.ctx, &mut rec, 1)?;
             rec.begin_pass("phong", 0);
@@ -259,37 +283,53 @@ impl<'a> Renderer<'a> {
         rec.end_pass();
         rec.begin_pass("compact", 0);
         self.marks.record(&mut rec, &self.data, &self.total, &self.emptiness);
-        for list in self.lists() {
+        rec.end_pass();
+        if let Some(see) = &self.see {
+            queue.submit(rec, 0.0, "classifying")?;
+            for rows in self.bands(see::rays(self.data.params.dims, self.data.params.size).pow(2)) {
+                let mut rec = Recorder::new(self.ctx)?;
+                rec.begin_pass("see", 0);
+                see.record(&mut rec, &self.data, &self.total, &self.emptiness.image, &self.marks, rows);
+                rec.end_pass();
+                queue.submit(rec, 0.0, "classifying")?;
+            }
+            rec = Recorder::new(self.ctx)?;
+        }
+        rec.begin_pass("compact", 0);
+        for list in self.lists.iter().map(|s| &s.list).chain(self.scatter.as_ref().map(|s| &s.nodes)) {
             list.record(&mut rec, &self.data, &self.marks);
         }
         rec.end_pass();
         queue.submit(rec, 0.0, "classifying")?;
         self.active = self.marks.active_voxels(self.ctx)?;
-        if let Some(list) = &mut self.list {
+        for list in self.lists.iter_mut().map(|s| &mut s.list).chain(self.scatter.as_mut().map(|s| &mut s.nodes)) {
             list.read_counts(self.ctx)?;
-        }
-        if let Some(scatter) = &mut self.scatter {
-            scatter.nodes.read_counts(self.ctx)?;
         }
         Ok(())
     }
 
-    fn lists(&self) -> impl Iterator<Item = &List> {
-        self.list.iter().chain(self.scatter.as_ref().map(|s| &s.nodes))
+    /// Rows of pixels of one dispatch after the other, with about as many rays each as a chunk of voxels has, if a pixel has
+    /// `rays`.
+    fn bands(&self, rays: u32) -> impl Iterator<Item = Range<u32>> {
+        let [width, height] = self.data.params.size;
+        let most = if self.ctx.is_cpu() { 1 << 17 } else { 1 << 21 };
+        let band = (most / (width * rays)).clamp(1, height);
+        (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
     }
 
     /// Rough cost in traced rays, for the progress bar.
     fn work(&self) -> f64 {
-        let rays = self.scatter.as_ref().map_or(0.0, |s| {
-            let first =
-                f64::from(s.single.environment_rays(&self.data)) + s.emission.as_ref().map_or(0.0, |e| e.0.rays());
+        let rays = |s: &Scatter, share: f32| {
+            let first = f64::from(s.single.environment_rays(&self.data, share))
+                + s.emission.as_ref().map_or(0.0, |e| e.0.rays(share));
             let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
-            let later = s.gather.as_ref().map_or(0.0, |g| g.rays() * f64::from(self.orders - 1));
-            let separate = s.lights.as_ref().map_or(0.0, |(g, images)| g.rays() * images.len() as f64);
+            let later = s.gather.as_ref().map_or(0.0, |g| g.rays(share) * f64::from(self.orders - 1));
+            let separate = s.lights.as_ref().map_or(0.0, |(g, images)| g.rays(share) * images.len() as f64);
             first + lights + later + separate
-        });
-        let items = self.list.as_ref().map_or(0, List::items) as f64;
-        items * rays + self.camera_work() * f64::from(self.data.params.size[1] * self.samples)
+        };
+        let of_list = |s: &Scatter| self.lists.iter().map(|l| l.list.items() as f64 * rays(s, l.share)).sum();
+        self.scatter.as_ref().map_or(0.0, of_list)
+            + self.camera_work() * f64::from(self.data.params.size[1] * self.samples)
     }
 
     /// Of one row of pixels.
@@ -299,46 +339,42 @@ impl<'a> Renderer<'a> {
 
     fn scatter(&self, scatter: &Scatter, queue: &mut Queue<'_>) -> Result<()> {
         let (ctx, data) = (self.ctx, &self.data);
-        let cells = self.list.as_ref().expect("scattering has a list");
         let mut rec = Recorder::new(ctx)?;
-        let cell_args = cells.chunk_args(ctx, &mut rec, 1)?;
         let node_args = scatter.nodes.chunk_args(ctx, &mut rec, 1)?;
-        let gather = match &scatter.gather {
-            Some(gather) => Some((gather, gather.args(ctx, &mut rec, cells)?)),
-            None => None,
-        };
-        let emission = match &scatter.emission {
-            Some((gather, _)) => Some((gather, gather.args(ctx, &mut rec, cells)?)),
-            None => None,
-        };
-        let separate = match &scatter.lights {
-            Some((gather, images)) => Some((gather, gather.args(ctx, &mut rec, cells)?, images)),
-            None => None,
-        };
+        let mut groups = Vec::new();
+        for &Shared { ref list, share } in &self.lists {
+            let mut args = |gather: Option<&Gather>| gather.map(|g| g.args(ctx, &mut rec, list, share)).transpose();
+            groups.push(Cells {
+                list,
+                share,
+                gather: args(scatter.gather.as_ref())?,
+                emission: args(scatter.emission.as_ref().map(|e| &e.0))?,
+                lights: args(scatter.lights.as_ref().map(|l| &l.0))?,
+                args: list.chunk_args(ctx, &mut rec, 1)?,
+            });
+        }
         if let Some(proxy) = &scatter.proxy {
             proxy.record_clear(&mut rec);
         }
         queue.submit(rec, 0.0, "scattering")?;
 
-        let first = Scattering {
-            scene: data,
-            emptiness: &self.emptiness.image,
-            field: &self.total,
-            projection: &scatter.projection,
-            args: &cell_args,
-            kept: self.kept(self.orders > 1),
-        };
+        let first = self.kept(self.orders > 1);
         let has_next = self.orders > 1;
-        let single_lights = |queue: &mut Queue<'_>, scattering: &Scattering<'_>, lights: Range<u32>| {
+        let single_lights = |queue: &mut Queue<'_>, kept: Kept, lights: Range<u32>| {
             let rays = f64::from(lights.len() as u32 * constants::LIGHT_POINTS);
-            self.for_chunks(cells, queue, "single scattering", rays, |rec, chunk| {
-                rec.begin_pass("single", 1);
-                scatter.single.record_lights(rec, scattering, chunk, lights.clone());
-                rec.end_pass();
-            })
+            for cells in &groups {
+                let scattering = self.scattering(scatter, cells, kept);
+                self.for_chunks(cells.list, queue, "single scattering", rays, |rec, chunk| {
+                    rec.begin_pass("single", 1);
+                    scatter.single.record_lights(rec, &scattering, chunk, lights.clone());
+                    rec.end_pass();
+                })?;
+            }
+            Ok::<_, Error>(())
         };
-        for (l, image) in separate.iter().flat_map(|s| s.2.iter().enumerate()) {
-            single_lights(queue, &Scattering { kept: Kept::Mean, ..first }, l as u32..l as u32 + 1)?;
+        let separate = scatter.lights.as_ref().map_or(&[][..], |(_, images)| images);
+        for (l, image) in separate.iter().enumerate() {
+            single_lights(queue, Kept::Mean, l as u32..l as u32 + 1)?;
             let mut rec = Recorder::new(ctx)?;
             rec.begin_pass("project", 1);
             let (projection, nodes) = (&scatter.projection, &scatter.nodes);
@@ -350,25 +386,31 @@ impl<'a> Renderer<'a> {
         let solve =
             |queue: &mut Queue<'_>, order: u32, is_seen: bool| self.solve(scatter, &node_args, queue, order, is_seen);
         // What the eye shall see of order 1, then the light that it sees without it (`camera.comp`).
-        let rays = f64::from(scatter.single.environment_rays(data)) + emission.as_ref().map_or(0.0, |e| e.0.rays());
-        self.for_chunks(cells, queue, "single scattering", rays, |rec, chunk| {
-            rec.begin_pass("single", 1);
-            scatter.single.record_environment(rec, &first, chunk);
-            rec.end_pass();
-            if let Some((gather, args)) = &emission {
-                let emitted = Source { a: self.emitted.clone(), b: scatter.source.b.clone() };
-                gather.record(rec, &first, chunk, args, None, &emitted, EMISSION_STREAM, 0);
-            }
-        })?;
-        if rays > 0.0 && !scatter.projection.has_eye() {
+        for cells in &groups {
+            let scattering = self.scattering(scatter, cells, first);
+            let emission = scatter.emission.as_ref().map(|e| &e.0).zip(cells.emission.as_ref());
+            let rays = f64::from(scatter.single.environment_rays(data, cells.share))
+                + emission.map_or(0.0, |(gather, _)| gather.rays(cells.share));
+            self.for_chunks(cells.list, queue, "single scattering", rays, |rec, chunk| {
+                rec.begin_pass("single", 1);
+                scatter.single.record_environment(rec, &scattering, chunk, cells.share);
+                rec.end_pass();
+                if let Some((gather, args)) = emission {
+                    let emitted = Source { a: self.emitted.clone(), b: scatter.source.b.clone() };
+                    gather.record(rec, &scattering, chunk, args, None, &emitted, EMISSION_STREAM, 0);
+                }
+            })?;
+        }
+        let is_seen = data.environment != constants::ENVIRONMENT_NONE || scatter.emission.is_some();
+        if is_seen && !scatter.projection.has_eye() {
             solve(queue, 1, true)?;
         }
         if has_next {
-            single_lights(queue, &first, separate.as_ref().map_or(0, |s| s.2.len() as u32)..data.light_count)?;
+            single_lights(queue, first, separate.len() as u32..data.light_count)?;
             solve(queue, 1, false)?;
         }
         for order in 2..=self.orders {
-            let (gather, args) = gather.as_ref().expect("a gather where orders follow the first");
+            let gather = scatter.gather.as_ref().expect("a gather where orders follow the first");
             let mut rec = Recorder::new(ctx)?;
             if let Some(proxy) = &scatter.proxy {
                 proxy.record(&mut rec, data, &scatter.nodes, &node_args, &scatter.source.a, order);
@@ -379,15 +421,18 @@ impl<'a> Renderer<'a> {
             scatter.projection.record_clear(&mut rec);
             queue.submit(rec, 0.0, "multiple scattering")?;
             let has_next = order < self.orders;
-            let scattering = Scattering { kept: self.kept(has_next), ..first };
-            if order == 2
-                && let Some((gather, args, images)) = &separate
-            {
-                self.gather_lights(cells, queue, gather, args, images, &scattering)?;
+            for cells in &groups {
+                let scattering = self.scattering(scatter, cells, self.kept(has_next));
+                if order == 2
+                    && let Some((gather, images)) = &scatter.lights
+                {
+                    self.gather_lights(cells, queue, gather, images, &scattering)?;
+                }
+                let args = cells.gather.as_ref().expect("arguments of the gather");
+                self.for_chunks(cells.list, queue, "multiple scattering", gather.rays(cells.share), |rec, chunk| {
+                    gather.record(rec, &scattering, chunk, args, scatter.proxy.as_ref(), &scatter.source, order, 0);
+                })?;
             }
-            self.for_chunks(cells, queue, "multiple scattering", gather.rays(), |rec, chunk| {
-                gather.record(rec, &scattering, chunk, args, scatter.proxy.as_ref(), &scatter.source, order, 0);
-            })?;
             if has_next || !scatter.projection.has_eye() {
                 solve(queue, order, !scatter.projection.has_eye())?;
             }
@@ -403,6 +448,18 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
+    /// What scatters light in `cells`.
+    fn scattering<'s>(&'s self, scatter: &'s Scatter, cells: &'s Cells<'_>, kept: Kept) -> Scattering<'s> {
+        Scattering {
+            scene: &self.data,
+            emptiness: &self.emptiness.image,
+            field: &self.total,
+            projection: &scatter.projection,
+            args: &cells.args,
+            kept,
+        }
+    }
+
     /// What is kept of an order's samples.
     fn kept(&self, has_next: bool) -> Kept {
         match (self.data.params.g != 0.0, has_next) {
@@ -415,16 +472,16 @@ impl<'a> Renderer<'a> {
     /// Order 2 of the delta lights whose order 1 is in `images`.
     fn gather_lights(
         &self,
-        cells: &List,
+        cells: &Cells<'_>,
         queue: &mut Queue<'_>,
         gather: &Gather,
-        args: &GatherArgs,
         images: &[Image],
         scattering: &Scattering<'_>,
     ) -> Result<()> {
+        let args = cells.lights.as_ref().expect("arguments of the lights' gather");
         for (l, image) in images.iter().enumerate() {
             let source = Source { a: image.clone(), b: [image.clone(), image.clone(), image.clone()] };
-            self.for_chunks(cells, queue, "multiple scattering", gather.rays(), |rec, chunk| {
+            self.for_chunks(cells.list, queue, "multiple scattering", gather.rays(cells.share), |rec, chunk| {
                 let stream = LIGHT_STREAM ^ l as u32;
                 gather.record(rec, scattering, chunk, args, None, &source, stream, l as u32);
             })?;
@@ -472,13 +529,8 @@ impl<'a> Renderer<'a> {
     }
 
     fn take_picture(&self, queue: &mut Queue<'_>) -> Result<()> {
-        let [width, height] = self.data.params.size;
-        // Rows of a dispatch: about as many rays as a chunk of voxels has.
-        let rays = if self.ctx.is_cpu() { 1 << 17 } else { 1 << 21 };
-        let band = (rays / width).clamp(1, height);
         for sample in 0..self.samples {
-            for begin in (0..height).step_by(band as usize) {
-                let rows = begin..height.min(begin + band);
+            for rows in self.bands(1) {
                 let work = self.camera_work() * rows.len() as f64;
                 let mut rec = Recorder::new(self.ctx)?;
                 rec.begin_pass("camera", 0);

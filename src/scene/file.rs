@@ -253,6 +253,7 @@ table! {
         gather_step: f64,
         proxy_step: f64,
         projection_steps: u32,
+        hidden_share: f64,
         defence: f64,
         mask: Mask,
         size: [u32; 2],
@@ -555,6 +556,12 @@ impl RenderTable {
         check("render.proxy_step", &self.proxy_step, step, "a step from 0.1 to 8 voxels")?;
         let steps = |n: &u32| (1..=64).contains(n);
         check("render.projection_steps", &self.projection_steps, steps, "a number from 1 to 64")?;
+        check(
+            "render.hidden_share",
+            &self.hidden_share,
+            |&s| s > 0.0 && s <= 1.0,
+            "a share greater than 0, at most 1",
+        )?;
         check("render.defence", &self.defence, |&d| d > 0.0 && d <= 1.0, "a share greater than 0, at most 1")?;
         let pixels = |s: &[u32; 2]| s.iter().all(|n| (1..=16384).contains(n));
         check("render.size", &self.size, pixels, "a width and a height from 1 to 16384 pixels")?;

@@ -184,6 +184,8 @@ pub struct Settings {
     pub max_events: u32,
     /// Directions with which order 1 gathers the environment, per cell.
     pub environment_directions: u32,
+    /// Share of their directions that cells get which the eye does not see, in (0, 1].
+    pub hidden_share: f32,
     /// Step of camera rays in voxels.
     pub camera_step: f32,
     /// Step of gather and shadow rays in voxels.
@@ -213,19 +215,20 @@ impl Default for Settings {
         Self {
             model: Model::Multiple,
             sampling: Sampling::Resample,
-            candidates: 16,
-            directions: 8,
+            candidates: 32,
+            directions: 16,
             orders: 4,
             max_events: 100_000,
-            environment_directions: 32,
+            environment_directions: 64,
+            hidden_share: 0.25,
             camera_step: 0.5,
             gather_step: 1.0,
             proxy_step: 2.0,
             projection_steps: 6,
-            defence: 0.2,
+            defence: 0.5,
             mask: [0xF0; 4],
             size: [512, 512],
-            spp: 16,
+            spp: 32,
             seconds: None,
             target_error: None,
             seed: 0,

@@ -54,10 +54,10 @@ pub struct Overrides {
     /// How the traced directions are chosen [default: resample]
     #[arg(long, value_name = "MODE", help_heading = "Method")]
     pub sampling: Option<Sampling>,
-    /// M: candidate directions per cell and order, 1 to 1024 [default: 16]
+    /// M: candidate directions per cell and order, 1 to 1024 [default: 32]
     #[arg(long, value_name = "M", help_heading = "Method")]
     pub candidates: Option<u32>,
-    /// N: traced directions per cell and order, 1 to 1024, at most M for top and resample [default: 8]
+    /// N: traced directions per cell and order, 1 to 1024, at most M for top and resample [default: 16]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub directions: Option<u32>,
     /// K: light scattered 1 to K times; 'unlimited' for path only [default: 4]
@@ -66,9 +66,12 @@ pub struct Overrides {
     /// Scatterings after which a path of unlimited orders is cut [default: 100000]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub max_events: Option<u32>,
-    /// Directions in which a cell gathers the environment, 1 to 1024 [default: 32]
+    /// Directions in which a cell gathers the environment, 1 to 1024 [default: 64]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub environment_directions: Option<u32>,
+    /// Share of their directions that cells get which the eye does not see, greater than 0, at most 1 [default: 0.25]
+    #[arg(long, value_name = "SHARE", help_heading = "Method")]
+    pub hidden_share: Option<f64>,
     /// Step of camera rays in voxels, 0.1 to 8 [default: 0.5]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
     pub camera_step: Option<f64>,
@@ -81,14 +84,14 @@ pub struct Overrides {
     /// Steps of the solution for the light that is stored per voxel, 1 to 64: more are sharper and noisier [default: 6]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub projection_steps: Option<u32>,
-    /// Share of resample's draw that ignores the proxy, greater than 0, at most 1 [default: 0.2]
+    /// Share of resample's draw that ignores the proxy, greater than 0, at most 1 [default: 0.5]
     #[arg(long, value_name = "SHARE", help_heading = "Method")]
     pub defence: Option<f64>,
     /// Bits per channel that the proxy keeps: 0 to 8 or eight binary digits, once or as r,g,b,a [default: 11110000]
     #[arg(long, value_name = "MASK", help_heading = "Method")]
     pub mask: Option<Mask>,
     /// Camera rays per pixel, 1 to 65536; path: to 16777216, which is its default with --seconds or --target-error
-    /// [default: 16]
+    /// [default: 32]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub spp: Option<u32>,
     /// Path: stop after this time
@@ -285,6 +288,7 @@ impl Overrides {
         layer.render.directions = self.directions;
         layer.render.orders = self.orders;
         layer.render.max_events = self.max_events;
+        layer.render.hidden_share = self.hidden_share;
         layer.render.environment_directions = self.environment_directions;
         layer.render.camera_step = self.camera_step;
         layer.render.gather_step = self.gather_step;

@@ -153,6 +153,7 @@ fn settings(table: &RenderTable) -> Result<Settings> {
         gather_step: step(table.gather_step, default.gather_step),
         proxy_step: step(table.proxy_step, default.proxy_step),
         projection_steps: table.projection_steps.unwrap_or(default.projection_steps),
+        hidden_share: step(table.hidden_share, default.hidden_share),
         defence: step(table.defence, default.defence),
         mask: table.mask.map_or(default.mask, |m| m.0),
         size: table.size.unwrap_or(default.size),

@@ -56,7 +56,8 @@ pub fn homogeneous(grid: Grid, extinction: f64, albedo: Vec3) -> Scene {
         lights: Vec::new(),
         environment: None,
         background: Background::Transparent,
-        settings: Settings { model: Model::Single, spp: 1, size: PENCIL, ..Settings::default() },
+        // A pencil of rays sees so few cells that the noise of the others would be seen too.
+        settings: Settings { model: Model::Single, hidden_share: 1.0, spp: 1, size: PENCIL, ..Settings::default() },
         exposure: Exposure::Stops(0.0),
         tone: ToneCurve::Linear,
         path: None,

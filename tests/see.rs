@@ -1,0 +1,93 @@
+//! Which cells the eye sees: against the CPU twin, and by hand.
+
+#[path = "common/bodies.rs"]
+mod bodies;
+mod common;
+#[path = "common/data.rs"]
+mod data;
+
+use bodies::{CHUNK, Setup, cases, scene_of, scenes, texture};
+use common::gpu_test;
+use std::collections::BTreeSet;
+use tyndall::cpu::compact::compact;
+use tyndall::cpu::see::see;
+use tyndall::passes::compact::{List, Listed};
+use tyndall::passes::see::See;
+use tyndall::vk::{Context, Recorder};
+use tyndall::volume::Grid;
+
+/// Seen cells and hidden ones, each a list that the device made.
+fn seen_and_hidden(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 2] {
+    let pass = See::new(ctx).unwrap();
+    let mut rec = Recorder::new(ctx).unwrap();
+    let height = setup.data.params.size[1];
+    // In two bands.
+    for rows in [0..height / 2, height / 2..height] {
+        pass.record(&mut rec, &setup.data, &setup.field, &setup.emptiness.image, &setup.marks, rows);
+    }
+    let mut lists = [Listed::SeenCells, Listed::HiddenCells]
+        .map(|listed| List::new(ctx, &setup.data, listed, CHUNK, None).unwrap());
+    for list in &lists {
+        list.record(&mut rec, &setup.data, &setup.marks);
+    }
+    rec.submit_and_wait().unwrap();
+    for list in &mut lists {
+        list.read_counts(ctx).unwrap();
+    }
+    lists.map(|list| list.read_back(ctx).unwrap().into_iter().collect())
+}
+
+/// A ray may meet a cell's face within rounding, or lose sight of what is behind: few cells may differ. Seen and hidden
+/// cells together are all cells, whatever is seen.
+#[test]
+fn seen_cells_agree_with_the_twin() {
+    gpu_test(|ctx| {
+        let mut seen_at_all = 0;
+        for (name, scene) in cases(scenes()) {
+            let setup = Setup::new(ctx, &scene);
+            let (params, field) = (&setup.host.params, texture(ctx, &setup.field));
+            let count = params.dims.map(|d| d + 1).iter().product();
+            let list = |listed| -> BTreeSet<u32> {
+                compact(params, &field, &see(params, &field), listed, 0, count).into_iter().collect()
+            };
+            let [seen, hidden] = seen_and_hidden(ctx, &setup);
+            assert_eq!(&seen | &hidden, list(Listed::Cells), "{name}");
+            assert!(seen.is_disjoint(&hidden), "{name}");
+            let expected = list(Listed::SeenCells);
+            let different = (&seen ^ &expected).len();
+            assert!(different * 100 <= expected.len(), "{name}: {different} cells differ of {}", expected.len());
+            seen_at_all += seen.len();
+        }
+        assert!(seen_at_all > 100, "only {seen_at_all} cells are seen");
+    });
+}
+
+/// By hand: of an opaque block the eye, straight before its face y = 0, sees only the cells at that face, all of them where
+/// it looks straight on; of a thin one it sees every cell but those that rays miss at the faces along its sight.
+#[test]
+fn the_eye_sees_the_face_of_an_opaque_block_and_all_of_a_thin_one() {
+    gpu_test(|ctx| {
+        let layers = |density: f64| -> Vec<usize> {
+            let grid = Grid::axis_aligned([12, 10, 11], [1.0; 3], [0.0; 3]);
+            let mut scene = scene_of(grid, vec![0.9; 12 * 10 * 11]);
+            let framing =
+                tyndall::scene::camera::Framing { azimuth: 0.0, elevation: 0.0, roll: 0.0, zoom: 1.0, fov: 10.0 };
+            scene.settings.size = [64, 64];
+            scene.camera = tyndall::scene::camera::frame(&scene.volume.grid, &framing, scene.settings.size);
+            scene.density_scale = density;
+            let [seen, _] = seen_and_hidden(ctx, &Setup::new(ctx, &scene));
+            let inner = |i: u32, n: u32| i > 0 && i < n;
+            let mut counts = vec![0; 11];
+            for cell in seen {
+                let (x, y, z) = (cell % 13, cell / 13 % 11, cell / 13 / 11);
+                counts[y as usize] += usize::from(inner(x, 12) && inner(z, 11));
+            }
+            counts
+        };
+        let opaque = layers(1000.0);
+        assert_eq!(opaque[0], 11 * 10, "{opaque:?}");
+        assert_eq!(opaque[2..].iter().sum::<usize>(), 0, "{opaque:?}");
+        let thin = layers(0.01);
+        assert!(thin.iter().all(|&n| n == 11 * 10), "{thin:?}");
+    });
+}
