@@ -321,6 +321,7 @@ fn values_out_of_range_are_refused() {
         ("render", "proxy_step", &["inf"], "0.1 to 8", &["8"]),
         ("render", "defence", &["0", "1.1", "nan"], "at most 1", &["1", "0.001"]),
         ("render", "size", &["[0, 1]", "[1, 16385]"], "1 to 16384", &["[1, 1]", "[16384, 1]"]),
+        ("render", "hidden_share", &["0", "1.01", "-1"], "greater than 0, at most 1", &["0.01", "1"]),
         ("render", "spp", &["0", "16777217"], "1 to 16777216", &["16777216"]),
         ("output", "exposure", &["nan", "101"], "-100 to 100", &["-100"]),
     ];
@@ -372,6 +373,18 @@ fn contradictions_are_refused() {
     bad("[[light]]\nposition = [0, 0, 0]\nintensity = 1\nirradiance = 1", &["light.0.intensity", "beside"]);
     bad("[[light]]\nazimuth = 1\nirradiance = -1", &["test.toml:3", "light.0.irradiance"]);
     bad("[[light]]\ndirection = [0, 0, 0]\nirradiance = 1", &["light.0.direction", "not 0"]);
+}
+
+/// The volume is 4x6x8: so many camera rays per voxel where pixels are wider, if none are asked for.
+#[test]
+fn wide_pixels_get_more_camera_rays() {
+    let spp = |text: &str| scene_of(text, &[]).unwrap().settings.spp;
+    assert_eq!(spp("render.size = [8, 8]"), 32);
+    assert_eq!(spp("render.size = [800, 600]"), 32);
+    assert_eq!(spp("render.size = [8, 4]"), 64);
+    assert_eq!(spp("render.size = [1, 1]"), 128);
+    assert_eq!(spp("render = { size = [1, 1], spp = 7 }"), 7);
+    assert_eq!(spp("render = { size = [1, 1], model = 'path' }"), 32);
 }
 
 #[test]
@@ -444,6 +457,8 @@ fn help_states_the_true_defaults() {
         ("directions", default.directions.to_string()),
         ("orders", default.orders.to_string()),
         ("environment-directions", default.environment_directions.to_string()),
+        ("hidden-share", default.hidden_share.to_string()),
+        ("projection-steps", default.projection_steps.to_string()),
         ("camera-step", default.camera_step.to_string()),
         ("gather-step", default.gather_step.to_string()),
         ("proxy-step", default.proxy_step.to_string()),

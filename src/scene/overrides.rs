@@ -90,8 +90,8 @@ pub struct Overrides {
     /// Bits per channel that the proxy keeps: 0 to 8 or eight binary digits, once or as r,g,b,a [default: 11110000]
     #[arg(long, value_name = "MASK", help_heading = "Method")]
     pub mask: Option<Mask>,
-    /// Camera rays per pixel, 1 to 65536; path: to 16777216, which is its default with --seconds or --target-error
-    /// [default: 32]
+    /// Camera rays per pixel, 1 to 65536, of themselves up to 128 where pixels are wider than voxels; path: to 16777216, which
+    /// is its default with --seconds or --target-error [default: 32]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub spp: Option<u32>,
     /// Path: stop after this time

@@ -108,7 +108,7 @@ pub(super) fn raw_layout(table: &VolumeTable) -> Result<Option<RawLayout>> {
 
 /// The scene that layers from [`merge`] describe, for a volume that is already loaded.
 pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
-    let settings = settings(&layers.render)?;
+    let settings = settings(&layers.render, volume.grid.dims)?;
     let transfer = transfer_function(layers.transfer, &volume)?;
     let density_scale = layers.medium.density.unwrap_or(1.0);
     let mean_spacing = volume.grid.mean_spacing();
@@ -137,8 +137,21 @@ pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
     })
 }
 
-fn settings(table: &RenderTable) -> Result<Settings> {
+/// Camera rays per pixel where none are asked for: so many per voxel if pixels are wider than voxels, to a limit.
+fn usual_spp(dims: [u32; 3], size: [u32; 2], per_voxel: u32) -> u32 {
+    const MOST: f64 = 128.0;
+    let longest = f64::from(dims.into_iter().max().expect("three axes"));
+    let voxels_per_pixel = longest * longest / (f64::from(size[0]) * f64::from(size[1]));
+    (f64::from(per_voxel) * voxels_per_pixel.max(1.0)).round().min(MOST) as u32
+}
+
+fn settings(table: &RenderTable, dims: [u32; 3]) -> Result<Settings> {
     let default = Settings::default();
+    let size = table.size.unwrap_or(default.size);
+    let usual_spp = match table.model {
+        Some(Model::Path) => default.spp,
+        _ => usual_spp(dims, size, default.spp),
+    };
     let step = |given: Option<f64>, default: f32| given.map_or(default, |s| s as f32);
     let stops_itself = table.seconds.is_some() || table.target_error.is_some();
     let settings = Settings {
@@ -156,8 +169,8 @@ fn settings(table: &RenderTable) -> Result<Settings> {
         hidden_share: step(table.hidden_share, default.hidden_share),
         defence: step(table.defence, default.defence),
         mask: table.mask.map_or(default.mask, |m| m.0),
-        size: table.size.unwrap_or(default.size),
-        spp: table.spp.unwrap_or(if stops_itself { MAX_SPP } else { default.spp }),
+        size,
+        spp: table.spp.unwrap_or(if stops_itself { MAX_SPP } else { usual_spp }),
         seconds: table.seconds,
         target_error: table.target_error,
         seed: table.seed.unwrap_or(default.seed),
