@@ -44,8 +44,10 @@ layout(push_constant, scalar) uniform CameraPush {
     uint light_count;
     uint lights_per_sample;
     float light_step;
-    // Coprime to `samples`.
+    // The samples' lattice: strides along y, depth and first step where that along x is 1, coprime to `samples`.
+    uint y_stride;
     uint depth_stride;
+    uint start_stride;
 };
 
 // Albedo at `p` (index space): σ_s and σ_t interpolated, then divided (DESIGN section 1).
@@ -81,6 +83,11 @@ vec3 lit_radiance(vec3 p, vec3 to_eye, float seen, uint key) {
     return albedo_at(p) * sum * (seen * float(light_count) / float(lights_per_sample));
 }
 
+// This sample's coordinate on the lattice, shifted around the unit circle.
+float on_lattice(uint stride, float shift) {
+    return fract(float(sample_index * stride % samples) / float(samples) + shift);
+}
+
 void main() {
     scene = scene_in_memory;
     uvec2 pixel = uvec2(gl_GlobalInvocationID.x, row_begin + gl_GlobalInvocationID.y);
@@ -92,9 +99,8 @@ void main() {
     vec2 place = vec2(0.5);
     float start = 1.0;
     if (samples > 1u) {
-        float i = float(sample_index);
-        place = fract(vec2((i + 0.5) / float(samples), i * 0.61803398875) + vec2(random_float(key, 0u), random_float(key, 1u)));
-        start = 1.0 - fract(i * 0.41421356237 + random_float(key, 2u));
+        place = vec2(on_lattice(1u, random_float(key, 0u)), on_lattice(y_stride, random_float(key, 1u)));
+        start = 1.0 - on_lattice(start_stride, random_float(key, 2u));
     }
     vec2 film = (vec2(pixel) + place) / vec2(scene.size) * 2.0 - 1.0;
     vec3 direction = normalize(scene.forward + film.x * scene.right - film.y * scene.up);
@@ -134,8 +140,7 @@ void main() {
     float opacity = opacity_of_depth(depth);
     if (LIT && depth > 0.0) {
         // The same march again, up to the depth at which the eye has seen the share `u` of what it sees of the medium.
-        // The samples' shares of the depth are as even as their places along x, but in another order.
-        float u = (float(sample_index * depth_stride % samples) + random_float(key, 3u)) / float(samples);
+        float u = on_lattice(depth_stride, random_float(key, 3u));
         float target = optical_depth_of_opacity(u * opacity);
         float before = 0.0;
         float at = 0.0;

@@ -360,7 +360,9 @@ pub struct CameraPush {
     pub light_count: u32,
     pub lights_per_sample: u32,
     pub light_step: f32,
+    pub y_stride: u32,
     pub depth_stride: u32,
+    pub start_stride: u32,
 }
 
 /// `path.comp`: a path under way.

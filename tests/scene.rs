@@ -379,12 +379,12 @@ fn contradictions_are_refused() {
 #[test]
 fn wide_pixels_get_more_camera_rays() {
     let spp = |text: &str| scene_of(text, &[]).unwrap().settings.spp;
-    assert_eq!(spp("render.size = [8, 8]"), 32);
-    assert_eq!(spp("render.size = [800, 600]"), 32);
-    assert_eq!(spp("render.size = [8, 4]"), 64);
+    assert_eq!(spp("render.size = [8, 8]"), 48);
+    assert_eq!(spp("render.size = [800, 600]"), 48);
+    assert_eq!(spp("render.size = [8, 4]"), 96);
     assert_eq!(spp("render.size = [1, 1]"), 128);
     assert_eq!(spp("render = { size = [1, 1], spp = 7 }"), 7);
-    assert_eq!(spp("render = { size = [1, 1], model = 'path' }"), 32);
+    assert_eq!(spp("render = { size = [1, 1], model = 'path' }"), 48);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::rng::{random_float, stream_key};
 use super::scene::{HostScene, index_from_world, world_from_index};
 use super::sphere::{fract, phase_hg};
 use super::texture::Texture;
-use crate::passes::camera::depth_stride;
+use crate::passes::camera::lattice;
 use crate::scene::Background;
 use glam::{Vec2, Vec3, Vec4};
 
@@ -32,7 +32,9 @@ pub fn camera(
         (m.extinction * Vec3::from(albedo_of(s, &m))).extend(m.extinction)
     };
     let coefficients = Texture::new(s.dims, scene.scalar.texels.iter().map(coefficients).collect());
-    let camera = Camera { scene, background, total, emitted, coefficients, samples, step_voxels, lights_per_sample };
+    let lattice = lattice(samples);
+    let camera =
+        Camera { scene, background, total, emitted, coefficients, samples, lattice, step_voxels, lights_per_sample };
     let [width, height] = scene.params.size;
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
     pixels
@@ -51,6 +53,7 @@ struct Camera<'a> {
     /// σ_s and σ_t of every voxel.
     coefficients: Texture<Vec4>,
     samples: u32,
+    lattice: [u32; 3],
     step_voxels: f32,
     lights_per_sample: u32,
 }
@@ -59,12 +62,14 @@ impl Camera<'_> {
     fn sample(&self, pixel: [u32; 2], sample_index: u32) -> Vec4 {
         let s = &self.scene.params;
         let key = stream_key(pixel[1] * s.size[0] + pixel[0], STREAM, s.seed_low, s.seed_high);
-        let (i, n) = (sample_index as f32, self.samples as f32);
+        let [y_stride, depth_stride, start_stride] = self.lattice;
+        let on_lattice = |stride: u32, shift: u32| {
+            fract((sample_index * stride % self.samples) as f32 / self.samples as f32 + random_float(key, shift))
+        };
         let (mut place, mut start) = (Vec2::splat(0.5), 1.0);
         if self.samples > 1 {
-            let x = fract((i + 0.5) / n + random_float(key, 0));
-            place = Vec2::new(x, fract(i * 0.618_034 + random_float(key, 1)));
-            start = 1.0 - fract(i * 0.414_213_57 + random_float(key, 2));
+            place = Vec2::new(on_lattice(1, 0), on_lattice(y_stride, 1));
+            start = 1.0 - on_lattice(start_stride, 2);
         }
         let size = Vec2::new(s.size[0] as f32, s.size[1] as f32);
         let film = (Vec2::new(pixel[0] as f32, pixel[1] as f32) + place) / size * 2.0 - 1.0;
@@ -93,8 +98,7 @@ impl Camera<'_> {
         let opacity = -(-depth).exp_m1();
         if self.lights_per_sample > 0 && depth > 0.0 {
             // The depth at which the eye has seen the share `u` of what it sees of the medium.
-            let place = sample_index * depth_stride(self.samples) % self.samples;
-            let u = (place as f32 + random_float(key, 3)) / n;
+            let u = on_lattice(depth_stride, 3);
             let p = ray.origin + ray.direction * self.depth_of(ray, first, optical_depth_of_opacity(u * opacity));
             radiance += self.lit_radiance(p, -direction, sample_index, key) * opacity;
         }

@@ -13,6 +13,7 @@ pub struct Camera {
     pipeline: Pipeline,
     step: f32,
     samples: u32,
+    lattice: [u32; 3],
     lights_per_sample: u32,
 }
 
@@ -28,16 +29,40 @@ pub enum Content {
 /// Delta lights that one sample visits at most.
 const MAX_LIGHTS_PER_SAMPLE: u32 = 8;
 
-/// Stride through `samples` places in which neighbours come apart: near their golden section, and coprime to them.
-pub fn depth_stride(samples: u32) -> u32 {
+/// Strides along y, depth and first step of the lattice of `samples` points whose stride along x is 1: Korobov's (a, a², a³)
+/// with the a whose points are spread most evenly, by the worst error of smooth periodic functions (P₂; Sloan and Joe 1994).
+pub fn lattice(samples: u32) -> [u32; 3] {
+    // The first step matters least.
+    const WEIGHTS: [f64; 4] = [1.0, 1.0, 1.0, 0.25];
+    // Of large lattices some are tried.
+    const MOST_TRIED: usize = 64;
+    let n = u64::from(samples);
+    let strides = |a: u32| {
+        let a = u64::from(a);
+        [a % n, a * a % n, a * a % n * a % n].map(|s| s as u32)
+    };
+    let error = |a: u32| -> f64 {
+        let [y, depth, start] = strides(a);
+        let kernel = |i: u64, stride: u32, weight: f64| {
+            let x = (i * u64::from(stride) % n) as f64 / n as f64;
+            1.0 + weight * 2.0 * std::f64::consts::PI.powi(2) * (x * x - x + 1.0 / 6.0)
+        };
+        let all = [1, y, depth, start];
+        (0..n).map(|i| (0..4).map(|d| kernel(i, all[d], WEIGHTS[d])).product::<f64>()).sum()
+    };
     let gcd = |mut a: u32, mut b: u32| {
         while b > 0 {
             (a, b) = (b, a % b);
         }
         a
     };
-    let golden = (0.382 * f64::from(samples)) as u32;
-    (golden.max(1)..).find(|&s| gcd(s, samples) == 1).expect("samples + 1 is coprime to samples")
+    let coprime: Vec<u32> = (1..=samples).filter(|&a| gcd(a, samples) == 1).collect();
+    // Spread by the golden section: even steps would all be alike in their low bits.
+    let golden = |k: usize| ((0.618_033_988_75 * k as f64).fract() * coprime.len() as f64) as usize;
+    let all = 0..coprime.len();
+    let tried: Vec<usize> = if all.len() > MOST_TRIED { (0..MOST_TRIED).map(golden).collect() } else { all.collect() };
+    let best = tried.iter().map(|&k| coprime[k]).min_by(|&a, &b| error(a).total_cmp(&error(b)));
+    strides(best.expect("1 is coprime to everything"))
 }
 
 /// `constants::BACKGROUND_*`.
@@ -83,7 +108,8 @@ impl Camera {
             ("PROJECTED", is_scattering.into()),
             ("EMITS", (is_scattering && scene.has_emission).into()),
         ];
-        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::CAMERA, &specialization)?, step, samples, lights_per_sample })
+        let pipeline = Pipeline::new(ctx, &shaders::CAMERA, &specialization)?;
+        Ok(Self { pipeline, step, samples, lattice: lattice(samples), lights_per_sample })
     }
 
     /// An image for a picture of `size` pixels: linear RGB premultiplied by alpha.
@@ -106,6 +132,7 @@ impl Camera {
         rows: std::ops::Range<u32>,
     ) {
         order_compute(rec);
+        let [y_stride, depth_stride, start_stride] = self.lattice;
         let push = CameraPush {
             row_begin: rows.start,
             row_end: rows.end,
@@ -115,7 +142,9 @@ impl Camera {
             light_count: scene.light_count,
             lights_per_sample: self.lights_per_sample,
             light_step: self.step,
-            depth_stride: depth_stride(self.samples),
+            y_stride,
+            depth_stride,
+            start_stride,
         };
         let binds = [
             ("scene_block", scene.block.bind()),
@@ -130,5 +159,27 @@ impl Camera {
         ];
         let groups = [scene.params.size[0].div_ceil(8), (rows.end - rows.start).div_ceil(8), 1];
         rec.dispatch(&self.pipeline, &binds, &push, groups);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No two coordinates of the points are tied to each other: in every projection on two axes all cells of a grid with a
+    /// third as many cells along each axis as there are rows of points are met.
+    #[test]
+    fn lattices_fill_every_plane() {
+        for n in [16, 32, 48, 53, 64, 127, 128, 1000, 1021, 1024, 65536] {
+            let [y, depth, start] = lattice(n);
+            let axes = [1, y, depth, start].map(u64::from);
+            let cells = ((f64::from(n).sqrt() / 3.0) as u64).max(2);
+            for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+                let cell = |k: u64, axis: usize| k * axes[axis] % u64::from(n) * cells / u64::from(n);
+                let met: std::collections::HashSet<_> = (0..u64::from(n)).map(|k| (cell(k, i), cell(k, j))).collect();
+                assert_eq!(met.len() as u64, cells * cells, "{n} points, axes {i} and {j}: strides {axes:?}");
+            }
+        }
+        assert_eq!(lattice(1), [0, 0, 0]);
     }
 }

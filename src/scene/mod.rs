@@ -228,7 +228,7 @@ impl Default for Settings {
             defence: 0.5,
             mask: [0xF0; 4],
             size: [512, 512],
-            spp: 32,
+            spp: 48,
             seconds: None,
             target_error: None,
             seed: 0,

@@ -91,7 +91,7 @@ pub struct Overrides {
     #[arg(long, value_name = "MASK", help_heading = "Method")]
     pub mask: Option<Mask>,
     /// Camera rays per pixel, 1 to 65536, of themselves up to 128 where pixels are wider than voxels; path: to 16777216, which
-    /// is its default with --seconds or --target-error [default: 32]
+    /// is its default with --seconds or --target-error [default: 48]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub spp: Option<u32>,
     /// Path: stop after this time
