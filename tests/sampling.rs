@@ -155,6 +155,28 @@ fn resample_has_the_mean_of_phase_where_scattering_is_forward() {
     });
 }
 
+/// Cells that the eye does not see get fewer directions, which costs noise only. The body is opaque enough to hide most of
+/// itself.
+#[test]
+fn fewer_directions_for_hidden_cells_keep_the_mean() {
+    if skips_statistics("fewer_directions_for_hidden_cells_keep_the_mean") {
+        return;
+    }
+    gpu_test(|ctx| {
+        let set = |share, first| {
+            let mut scene =
+                scene(12, Sampling::Resample, "candidates = 16\ndirections = 8\nenvironment_directions = 16");
+            scene.density_scale = 4.0;
+            scene.settings.hidden_share = share;
+            pictures(ctx, &scene, NORMAL, first..first + SEEDS)
+        };
+        let (all, quarter) = (set(1.0, 0), set(0.25, 1000));
+        assert_agree("hidden share 0.25", &quarter, &all, 0.01);
+        // The share is not without effect.
+        assert!(variance(&quarter) > 1.05 * variance(&all), "{} {}", variance(&quarter), variance(&all));
+    });
+}
+
 #[test]
 fn a_seed_fixes_every_byte() {
     gpu_test(|ctx| {
