@@ -102,13 +102,8 @@ void main() {
         place = vec2(on_lattice(1u, random_float(key, 0u)), on_lattice(y_stride, random_float(key, 1u)));
         start = 1.0 - on_lattice(start_stride, random_float(key, 2u));
     }
-    vec2 film = (vec2(pixel) + place) / vec2(scene.size) * 2.0 - 1.0;
-    vec3 direction = normalize(scene.forward + film.x * scene.right - film.y * scene.up);
-
-    Ray ray = make_ray(index_from_world(scene.eye), direction, step_voxels);
-    // Count from where the volume begins: a far eye leaves few digits.
-    ray.origin += ray.direction * ray.begin;
-    ray.end -= ray.begin;
+    vec3 direction = eye_direction((vec2(pixel) + place) / vec2(scene.size));
+    Ray ray = make_eye_ray(direction, step_voxels);
     float through = 1.0;
     float depth = 0.0;
     vec3 radiance = vec3(0.0);

@@ -29,16 +29,14 @@ uint tile_item(uint index) {
     }
     // Not a constant: reflection cannot evaluate operators on specialization constants.
     uint listed = LISTED;
-    if (listed == LISTED_VOXELS || listed == LISTED_NODES) {
-        return texelFetch(marks, ivec3(voxel_from_linear(first + index)), 0).r >> listed & 1u;
+    bool is_voxel = listed == LISTED_VOXELS || listed == LISTED_NODES;
+    ivec3 at = is_voxel ? ivec3(voxel_from_linear(first + index)) : cell_from_linear(first + index);
+    uint bits = texelFetch(marks, at, 0).r;
+    if (listed < LISTED_SEEN) {
+        return bits >> listed & 1u;
     }
-    ivec3 at = cell_from_linear(first + index);
-    uint is_cell = texelFetch(marks, at, 0).r >> LISTED_CELLS & 1u;
-    if (listed == LISTED_CELLS || is_cell == 0u) {
-        return is_cell;
-    }
-    uint seen = texelFetch(marks, at, 0).r >> LISTED_SEEN & 1u;
-    return listed == LISTED_SEEN ? seen : 1u - seen;
+    uint seen = bits >> LISTED_SEEN & 1u;
+    return (bits >> LISTED_CELLS & 1u) & (listed == LISTED_SEEN ? seen : 1u - seen);
 }
 
 void main() {

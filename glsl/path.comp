@@ -136,8 +136,7 @@ uint begin_path() {
     path.radiance = vec3(0.0);
     vec2 place = unit_floats(draw()).xy;
     vec2 pixel = vec2(pixel_index % scene.size.x, pixel_index / scene.size.x);
-    vec2 film = (pixel + place) / vec2(scene.size) * 2.0 - 1.0;
-    vec3 direction = normalize(scene.forward + film.x * scene.right - film.y * scene.up);
+    vec3 direction = eye_direction((pixel + place) / vec2(scene.size));
     Ray ray = make_ray(index_from_world(scene.eye), direction, 1.0);
     // Count from where the volume begins: a far eye leaves few digits.
     path.position = clamp(ray.origin + ray.direction * ray.begin, vec3(0.0), vec3(scene.dims));

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // See: marks the cells that the eye sees, so that they can be given more directions than the others (compact.comp). What it
 // misses costs noise, no bias.
-// Grid: x, y = rays of a band of rows, RAYS x RAYS per pixel.
+// Grid: x, y = rays of a band of rows, `rays` x `rays` per pixel.
 #define SCENE_COPIED
 #include "include/cell.glsl"
 #include "include/march.glsl"
@@ -32,11 +32,7 @@ void main() {
     if (at.x >= count.x || at.y >= row_end) {
         return;
     }
-    vec2 film = (vec2(at) + 0.5) / vec2(count) * 2.0 - 1.0;
-    vec3 direction = normalize(scene.forward + film.x * scene.right - film.y * scene.up);
-    Ray ray = make_ray(index_from_world(scene.eye), direction, step_voxels);
-    ray.origin += ray.direction * ray.begin;
-    ray.end -= ray.begin;
+    Ray ray = make_eye_ray(eye_direction((vec2(at) + 0.5) / vec2(count)), step_voxels);
     float tau = 0.0;
     float t = 0.0;
     while (t < ray.end && exp(-tau) > SEEN_TRANSMITTANCE) {

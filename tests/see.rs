@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use tyndall::cpu::compact::compact;
 use tyndall::cpu::see::see;
 use tyndall::passes::compact::{List, Listed};
-use tyndall::passes::see::See;
+use tyndall::passes::see::{See, rays};
 use tyndall::vk::{Context, Recorder};
 use tyndall::volume::Grid;
 
@@ -20,7 +20,8 @@ use tyndall::volume::Grid;
 fn seen_and_hidden(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 2] {
     let pass = See::new(ctx).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
-    let height = setup.data.params.size[1];
+    let (dims, size) = (setup.data.params.dims, setup.data.params.size);
+    let height = size[1] * rays(dims, size);
     // In two bands.
     for rows in [0..height / 2, height / 2..height] {
         pass.record(&mut rec, &setup.data, &setup.field, &setup.emptiness.image, &setup.marks, rows);

@@ -37,4 +37,12 @@ Ray make_ray(vec3 origin, vec3 direction, float step_voxels) {
     ray.dt = step_voxels / length(ray.direction);
     return ray;
 }
+
+// The same from the eye, counted from where the volume begins: a far eye leaves few digits.
+Ray make_eye_ray(vec3 direction, float step_voxels) {
+    Ray ray = make_ray(index_from_world(scene.eye), direction, step_voxels);
+    ray.origin += ray.direction * ray.begin;
+    ray.end -= ray.begin;
+    return ray;
+}
 #endif

@@ -78,6 +78,12 @@ vec3 direction_to_eye(vec3 index_position) {
     return l > 0.0 ? d / l : -scene.forward;
 }
 
+// Where the eye looks, a unit vector, at a place in the picture: (0, 0) its upper left, (1, 1) its lower right corner.
+vec3 eye_direction(vec2 place) {
+    vec2 film = place * 2.0 - 1.0;
+    return normalize(scene.forward + film.x * scene.right - film.y * scene.up);
+}
+
 uvec3 voxel_from_linear(uint i) {
     uint row = i / scene.dims.x;
     return uvec3(i - row * scene.dims.x, row % scene.dims.y, row / scene.dims.y);

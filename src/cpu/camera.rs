@@ -4,7 +4,7 @@ use super::classify::{albedo_of, classify, optical_depth_of_opacity};
 use super::delta_lights::light_at;
 use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance, transmittance};
 use super::rng::{random_float, stream_key};
-use super::scene::{HostScene, index_from_world, world_from_index};
+use super::scene::{HostScene, eye_direction, index_from_world, world_from_index};
 use super::sphere::{fract, phase_hg};
 use super::texture::Texture;
 use crate::passes::camera::lattice;
@@ -72,9 +72,7 @@ impl Camera<'_> {
             start = 1.0 - on_lattice(start_stride, 2);
         }
         let size = Vec2::new(s.size[0] as f32, s.size[1] as f32);
-        let film = (Vec2::new(pixel[0] as f32, pixel[1] as f32) + place) / size * 2.0 - 1.0;
-        let direction = Vec3::from(s.forward) + film.x * Vec3::from(s.right) - film.y * Vec3::from(s.up);
-        let direction = direction.normalize();
+        let direction = eye_direction(s, (Vec2::new(pixel[0] as f32, pixel[1] as f32) + place) / size);
 
         let ray = make_ray(s, index_from_world(s, s.eye.into()), direction, self.step_voxels);
         let first = start * ray.dt;

@@ -6,7 +6,7 @@ use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::passes::scene_data;
 use crate::scene::Scene;
 use crate::shaders::constants::NO_VALUE;
-use glam::{UVec3, Vec3};
+use glam::{UVec3, Vec2, Vec3};
 
 /// What every kernel reads.
 pub struct HostScene {
@@ -35,6 +35,13 @@ impl HostScene {
             environment: EnvironmentLight::new(scene.environment.as_ref()),
         }
     }
+}
+
+/// Where the eye looks, a unit vector, at a place in the picture: (0, 0) its upper left, (1, 1) its lower right corner.
+pub fn eye_direction(scene: &SceneParams, place: Vec2) -> Vec3 {
+    let film = place * 2.0 - 1.0;
+    let direction = Vec3::from(scene.forward) + film.x * Vec3::from(scene.right) - film.y * Vec3::from(scene.up);
+    direction.normalize()
 }
 
 /// Index space to world.

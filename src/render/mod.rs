@@ -286,7 +286,9 @@ impl<'a> Renderer<'a> {
         rec.end_pass();
         if let Some(see) = &self.see {
             queue.submit(rec, 0.0, "classifying")?;
-            for rows in self.bands(see::rays(self.data.params.dims, self.data.params.size).pow(2)) {
+            let size = self.data.params.size;
+            let rays = see::rays(self.data.params.dims, size);
+            for rows in self.bands(size.map(|n| n * rays)) {
                 let mut rec = Recorder::new(self.ctx)?;
                 rec.begin_pass("see", 0);
                 see.record(&mut rec, &self.data, &self.total, &self.emptiness.image, &self.marks, rows);
@@ -308,12 +310,11 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// Rows of pixels of one dispatch after the other, with about as many rays each as a chunk of voxels has, if a pixel has
-    /// `rays`.
-    fn bands(&self, rays: u32) -> impl Iterator<Item = Range<u32>> {
-        let [width, height] = self.data.params.size;
+    /// Of so many rays along both axes the rows of one dispatch after the other, each with about as many rays as a chunk of
+    /// voxels has.
+    fn bands(&self, [width, height]: [u32; 2]) -> impl Iterator<Item = Range<u32>> {
         let most = if self.ctx.is_cpu() { 1 << 17 } else { 1 << 21 };
-        let band = (most / (width * rays)).clamp(1, height);
+        let band = (most / width).clamp(1, height);
         (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
     }
 
@@ -530,7 +531,7 @@ impl<'a> Renderer<'a> {
 
     fn take_picture(&self, queue: &mut Queue<'_>) -> Result<()> {
         for sample in 0..self.samples {
-            for rows in self.bands(1) {
+            for rows in self.bands(self.data.params.size) {
                 let work = self.camera_work() * rows.len() as f64;
                 let mut rec = Recorder::new(self.ctx)?;
                 rec.begin_pass("camera", 0);
