@@ -11,6 +11,8 @@
 #include "include/sphere.glsl"
 
 layout(local_size_x_id = 0) in;
+// As gather_trace.comp.
+layout(constant_id = 3) const bool SKY = false;
 
 layout(set = 0, binding = 5) uniform usampler3D bucket_id;
 layout(set = 0, binding = 6, scalar) readonly buffer BucketLight { uint bucket_light[]; };
@@ -54,6 +56,9 @@ void main() {
             energy += through * (1.0 - passed) * light.x;
             through *= passed;
             t += steps_ahead(ray, p) * ray.dt;
+        }
+        if (SKY) {
+            energy += through * scene.radiance_scale * dot(scene.environment, vec3(1.0 / 3.0));
         }
         weights[c * chunk_items + item] = energy;
     }

@@ -19,6 +19,8 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool ANISOTROPIC = false;
 // What is gathered: SOURCE_*.
 layout(constant_id = 2) const uint SOURCE = SOURCE_PROJECTED;
+// A constant environment is behind everything, and gathered with the light of the orders before.
+layout(constant_id = 3) const bool SKY = false;
 layout(constant_id = 4) const uint SAMPLING = SAMPLING_PHASE;
 
 layout(set = 0, binding = 5) uniform sampler3D scalar;
@@ -92,6 +94,9 @@ vec3 traced_radiance(Ray ray, vec3 towards) {
         radiance += source * (through * scale * mean_transmittance(tau, passed));
         through *= passed;
         step_on(at, ray, p);
+    }
+    if (SKY) {
+        radiance += through * scene.radiance_scale * scene.environment;
     }
     return radiance;
 }

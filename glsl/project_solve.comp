@@ -18,6 +18,8 @@ layout(set = 0, binding = 3) uniform sampler3D sums;
 layout(set = 0, binding = 4) uniform sampler3D before;
 layout(set = 0, binding = 5, rgba16f) writeonly uniform image3D after;
 layout(set = 0, binding = 6, rgba16f) uniform image3D total;
+// Solved before: light that enters every order.
+layout(set = 0, binding = 7) uniform sampler3D fixed_light;
 
 layout(push_constant, scalar) uniform ProjectSolvePush {
     uint chunk_begin;
@@ -25,6 +27,8 @@ layout(push_constant, scalar) uniform ProjectSolvePush {
     uint is_first;
     // 1: the last step, whose result is added to `total`.
     uint adds;
+    // 1: the last step, whose result gets `fixed_light` added.
+    uint joins;
     // Factor of the step.
     float factor;
 };
@@ -77,10 +81,12 @@ void main() {
     if (row > 0.0) {
         u = is_first != 0u ? sum / row : old.rgb + factor * (sum - product) / row;
     }
-    u = clamp(u, -MAX_HALF, MAX_HALF);
-    imageStore(after, voxel, vec4(u, old.a));
     if (adds != 0u) {
         vec4 seen = imageLoad(total, voxel);
         imageStore(total, voxel, vec4(clamp(seen.rgb + u, -MAX_HALF, MAX_HALF), seen.a));
     }
+    if (joins != 0u) {
+        u += texelFetch(fixed_light, voxel, 0).rgb;
+    }
+    imageStore(after, voxel, vec4(clamp(u, -MAX_HALF, MAX_HALF), old.a));
 }

@@ -336,6 +336,7 @@ pub struct ProjectSolvePush {
     pub chunk_items: u32,
     pub is_first: u32,
     pub adds: u32,
+    pub joins: u32,
     pub factor: f32,
 }
 

@@ -389,16 +389,19 @@ fn orders_go_with_powers_of_the_albedo() {
                 scene.settings.orders = orders;
                 mean(&render_as(ctx, &scene, model, 32)).as_dvec4()
             };
-            // The same random numbers in every render: differences are orders.
-            let sums = [1, 2, 3].map(|orders| image(Vec3::ONE, orders));
-            let colored = image(Vec3::new(1.0, 0.5, 0.0), 3);
-            let half = 0.5 * sums[0].y + 0.25 * (sums[1].y - sums[0].y) + 0.125 * (sums[2].y - sums[1].y);
+            // The same random numbers in every render of as many orders: exact polynomials of the albedo, of their degree and
+            // without a constant, and as such their interpolation.
             let case = format!("{model:?}");
-            assert_relative(&case, colored.x as f32, sums[2].x, 1e-6);
-            assert_relative(&case, colored.y as f32, half, if model == Model::Path { 1e-5 } else { 1e-3 });
-            assert_eq!(colored.z, 0.0, "{case}");
-            assert_relative(&case, colored.w as f32, sums[2].w, 1e-6);
-            assert!(sums[1].y > 1.1 * sums[0].y && sums[2].y > 1.05 * sums[1].y, "{case}: {sums:?}");
+            let tolerance = if model == Model::Path { 1e-5 } else { 1e-3 };
+            let [one, two, three] = [1, 2, 3].map(|orders| image(Vec3::new(1.0, 0.5, 0.25), orders));
+            assert_relative(&case, one.y as f32, 0.5 * one.x, tolerance);
+            assert_relative(&case, two.y as f32, two.z * 4.0 / 3.0 + two.x / 6.0, tolerance);
+            let between = image(Vec3::new(1.0, 0.75, 0.0), 3);
+            assert_relative(&case, between.y as f32, 0.25 * three.x + 1.5 * three.y - three.z, tolerance);
+            assert_relative(&case, between.x as f32, three.x, 1e-6);
+            assert_eq!(between.z, 0.0, "{case}");
+            assert_relative(&case, between.w as f32, three.w, 1e-6);
+            assert!(two.x > 1.1 * one.x && three.x > 1.05 * two.x, "{case}: {one} {two} {three}");
         }
     });
 }

@@ -11,7 +11,7 @@ use bodies::{
     texture,
 };
 use common::gpu_test;
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use half::f16;
 use tyndall::abi::ScatterSample;
 use tyndall::cpu;
@@ -22,7 +22,8 @@ use tyndall::passes::compact::Listed;
 use tyndall::passes::gather::{Gather, GatherConfig, Gathered as What};
 use tyndall::passes::project::{Kept, Projection, Scattering, Source};
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
-use tyndall::scene::{Sampling, Scene};
+use tyndall::scene::{Environment, Sampling, Scene};
+use tyndall::shaders::constants;
 use tyndall::vk::{Access, Buffer, Context, Image, Recorder};
 use tyndall::volume::Grid;
 
@@ -106,7 +107,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
         kept: if scene.g == 0.0 { Kept::Mean } else { Kept::Moments },
     };
     for chunk in list.chunks() {
-        pass.record(&mut rec, &scattering, &chunk, &args, proxy.as_ref(), &source, ORDER, light);
+        pass.record(&mut rec, &scattering, &chunk, &args, proxy.as_ref(), &source, ORDER, light, true);
     }
     rec.submit_and_wait().unwrap();
 
@@ -152,12 +153,24 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     }
 }
 
+/// An environment that the gather itself brings.
+fn constant_sky() -> Option<Environment> {
+    Some(Environment::Constant(Vec3::new(2.0, 1.0, 3.0)))
+}
+
+/// What a gather brings of the environment, in the fields' units.
+fn sky(setup: &Setup) -> Vec3 {
+    let is_constant = setup.data.environment == constants::ENVIRONMENT_CONSTANT;
+    let params = &setup.host.params;
+    if is_constant { Vec3::from(params.environment) * params.radiance_scale } else { Vec3::ZERO }
+}
+
 /// Traces the same choices in the twin.
 fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32) {
     let lattice = if config.uses_proxy() { config.candidates } else { config.directions };
     let host = &g.setup.host;
     let carried = match what {
-        What::Projected => Carried::Projected(&g.source),
+        What::Projected => Carried::Projected(&g.source, sky(&g.setup)),
         What::Emitted => Carried::Emitted(&g.source[0]),
         What::Light => Carried::Light(&g.source[0], &host.lights[light as usize]),
     };
@@ -188,7 +201,7 @@ fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32)
 fn check_proxy(name: &str, g: &Ran, config: GatherConfig) {
     let (params, cells) = (&g.setup.host.params, &g.cells);
     let (candidates, step) = (config.candidates, config.proxy_step);
-    let expected = cpu::gather::gather_proxy(params, cells, &g.light, ORDER, candidates, step).concat();
+    let expected = cpu::gather::gather_proxy(params, cells, &g.light, sky(&g.setup), ORDER, candidates, step).concat();
     let got = g.weights.concat();
     assert_eq!(got.len(), expected.len(), "{name}");
     let most = expected.iter().copied().fold(0.0, f32::max);
@@ -239,9 +252,12 @@ fn check(ctx: &Context, name: &str, scene: &Scene, config: GatherConfig) {
 fn phase_sampling_agrees_with_the_twin() {
     gpu_test(|ctx| {
         let config = GatherConfig { sampling: Sampling::Phase, ..CONFIG };
-        for (name, mut scene) in scenes() {
+        for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
             for g in cases(vec![0.6, 0.0, -0.5]) {
                 scene.g = g;
+                if i % 2 == 0 {
+                    scene.environment = constant_sky();
+                }
                 check(ctx, name, &scene, config);
             }
         }
@@ -253,6 +269,7 @@ fn resampling_agrees_with_the_twin() {
     gpu_test(|ctx| {
         for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
             scene.g = [0.0, 0.6][i % 2];
+            scene.environment = [constant_sky(), scene.environment][i / 2 % 2].clone();
             check(ctx, name, &scene, CONFIG);
         }
     });

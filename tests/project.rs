@@ -23,8 +23,20 @@ const ROUNDING: f32 = 3e-3;
 /// In units of the largest value. Early steps overshoot, and what they round off is not all taken back.
 const SMALL: f32 = 5e-3;
 
-/// Uploads sums as the deposit would have left them, and solves.
+/// Uploads sums as the deposit would have left them, and solves. Source, and what the eye sees.
 fn solve(ctx: &Context, setup: &Setup, sums: &Texture<Vec4>, steps: u32, is_seen: bool) -> [Texture<Vec4>; 2] {
+    solve_beside(ctx, setup, sums, steps, None, is_seen)
+}
+
+/// [`solve`], with light that enters the source beside what is solved for.
+fn solve_beside(
+    ctx: &Context,
+    setup: &Setup,
+    sums: &Texture<Vec4>,
+    steps: u32,
+    fixed: Option<&Texture<Vec4>>,
+    is_seen: bool,
+) -> [Texture<Vec4>; 2] {
     let dims = setup.host.params.dims;
     let (nodes, _) = setup.list(ctx, Listed::Nodes);
     let projection = Projection::new(ctx, &setup.data, CHUNK, steps, true).unwrap();
@@ -32,6 +44,7 @@ fn solve(ctx: &Context, setup: &Setup, sums: &Texture<Vec4>, steps: u32, is_seen
     let field = texture(ctx, &setup.field);
     let seen = field.texels.iter().map(|f| Vec4::new(1.0, 2.0, 3.0, f.w)).collect();
     let total = image(ctx, "total", &Texture::new(dims, seen));
+    let fixed = fixed.map(|texels| Source { a: image(ctx, "fixed", texels), ..source.clone() });
     let mut rec = Recorder::new(ctx).unwrap();
     source.clear(&mut rec);
     projection.record_clear_all(&mut rec);
@@ -41,7 +54,7 @@ fn solve(ctx: &Context, setup: &Setup, sums: &Texture<Vec4>, steps: u32, is_seen
     ctx.upload_image(&projection.sums()[0], layers).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
     let args = nodes.chunk_args(ctx, &mut rec, 1).unwrap();
-    projection.record_solve(&mut rec, &setup.data, &nodes, &args, &source, &total, is_seen);
+    projection.record_solve(&mut rec, &setup.data, &nodes, &args, &source, fixed.as_ref(), &total, is_seen);
     rec.submit_and_wait().unwrap();
     [texture(ctx, &source.a), texture(ctx, &total)]
 }
@@ -94,6 +107,17 @@ fn steps_agree_with_the_twin() {
                     expected.texels.iter().map(|e| Vec4::new(e.x + 1.0, e.y + 2.0, e.z + 3.0, e.w)).collect();
                 assert_close(&case, &total.texels, &seen, ROUNDING, SMALL);
             }
+            // Light beside it enters the source, and is not seen.
+            let beside = bodies::random_light(params.dims, 9, 0.0, 200.0);
+            let [joined, total] = solve_beside(ctx, &setup, &sums, 2, Some(&beside), true);
+            let [alone, seen] = solve(ctx, &setup, &sums, 2, true);
+            let (_, nodes) = setup.list(ctx, Listed::Nodes);
+            let mut expected = alone.texels;
+            for i in nodes {
+                expected[i as usize] += beside.texels[i as usize].truncate().extend(0.0);
+            }
+            assert_close(&format!("{name}, with light beside it"), &joined.texels, &expected, ROUNDING, SMALL);
+            assert_eq!(total, seen, "{name}: light beside it is seen");
             let [_, total] = solve(ctx, &setup, &sums, 2, false);
             assert!(
                 total.texels.iter().all(|t| t.truncate() == Vec3::new(1.0, 2.0, 3.0)),

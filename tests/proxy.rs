@@ -281,7 +281,7 @@ fn workgroups_that_never_publish_are_computed_for() {
     });
 }
 
-const QUICK: &str = "size = [8, 8]\nspp = 1\nenvironment_directions = 2\ncandidates = 4\ndirections = 2\nseed = 3\n";
+const QUICK: &str = "sampling = 'resample'\nsize = [8, 8]\nspp = 1\nenvironment_directions = 2\ncandidates = 4\ndirections = 2\nseed = 3\n";
 
 /// Renders with the given number of orders and returns the proxy that the last of them used.
 fn proxy_of(ctx: &Context, scene: &Scene) -> ProxyContents {

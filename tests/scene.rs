@@ -106,6 +106,7 @@ sampling = "top"
 candidates = 64
 directions = 7
 orders = 9
+inner_share = 0.75
 environment_directions = 33
 camera_step = 0.25
 gather_step = 0.75
@@ -150,6 +151,7 @@ fn every_field_of_the_file_arrives() {
     let r = s.settings;
     assert_eq!((r.model, r.sampling, r.candidates, r.directions), (Model::Single, Sampling::Top, 64, 7));
     assert_eq!((r.orders, r.environment_directions, r.camera_step, r.gather_step), (9, 33, 0.25, 0.75));
+    assert_eq!(r.inner_share, 0.75);
     assert_eq!((r.proxy_step, r.defence, r.mask), (3.0, 1.0, [0xFF, 0xC0, 0x00, 0xE0]));
     assert_eq!((r.size, r.spp, r.seed), ([640, 480], 2, 12345678901));
     assert_eq!((s.exposure, s.tone), (Exposure::Stops(-1.5), ToneCurve::Linear));
@@ -322,6 +324,7 @@ fn values_out_of_range_are_refused() {
         ("render", "defence", &["0", "1.1", "nan"], "at most 1", &["1", "0.001"]),
         ("render", "size", &["[0, 1]", "[1, 16385]"], "1 to 16384", &["[1, 1]", "[16384, 1]"]),
         ("render", "hidden_share", &["0", "1.01", "-1"], "greater than 0, at most 1", &["0.01", "1"]),
+        ("render", "inner_share", &["0", "1.01", "nan"], "greater than 0, at most 1", &["0.01", "1"]),
         ("render", "spp", &["0", "16777217"], "1 to 16777216", &["16777216"]),
         ("output", "exposure", &["nan", "101"], "-100 to 100", &["-100"]),
     ];
@@ -390,10 +393,11 @@ fn wide_pixels_get_more_camera_rays() {
 #[test]
 fn what_does_not_fit_together_is_refused() {
     let bad = |text: &str, parts: &[&str]| assert_error(scene_of(text, &[]), 1, parts);
-    bad("render.directions = 33", &["render.directions", "33", "32 candidates", "--candidates 33"]);
-    bad("render = { directions = 33, sampling = 'top' }", &["render.directions"]);
-    scene_of("render = { directions = 33, sampling = 'phase' }", &[]).unwrap();
-    scene_of("render = { directions = 32 }", &[]).unwrap();
+    let resample = "render = { directions = 65, sampling = 'resample' }";
+    bad(resample, &["render.directions", "65", "64 candidates", "--candidates 65"]);
+    bad("render = { directions = 65, sampling = 'top' }", &["render.directions"]);
+    scene_of("render = { directions = 65, sampling = 'phase' }", &[]).unwrap();
+    scene_of("render = { directions = 64, sampling = 'resample' }", &[]).unwrap();
     for (setting, part) in [
         ("orders = 'unlimited'", "only the model path"),
         ("spp = 65537", "65536"),
@@ -457,6 +461,7 @@ fn help_states_the_true_defaults() {
         ("directions", default.directions.to_string()),
         ("orders", default.orders.to_string()),
         ("environment-directions", default.environment_directions.to_string()),
+        ("inner-share", default.inner_share.to_string()),
         ("hidden-share", default.hidden_share.to_string()),
         ("projection-steps", default.projection_steps.to_string()),
         ("camera-step", default.camera_step.to_string()),

@@ -15,6 +15,7 @@ use tyndall::passes::compact::{List, Listed};
 use tyndall::passes::project::{Kept, Projection, Scattering};
 use tyndall::passes::single_scatter::SingleScatter;
 use tyndall::scene::{Environment, Light, Scene};
+use tyndall::shaders::constants;
 use tyndall::vk::{Access, Context, Recorder};
 use tyndall::volume::Grid;
 
@@ -50,7 +51,7 @@ fn deposit(ctx: &Context, setup: &Setup, pass: &SingleScatter, projection: &Proj
     for chunk in list.chunks() {
         match kind {
             Kind::Lights => pass.record_lights(&mut rec, &scattering, &chunk, 0..setup.data.light_count),
-            Kind::Environment => pass.record_environment(&mut rec, &scattering, &chunk, 1.0),
+            Kind::Environment => pass.record_environment(&mut rec, &scattering, &chunk, DIRECTIONS, true),
         }
     }
     rec.submit_and_wait().unwrap();
@@ -59,10 +60,11 @@ fn deposit(ctx: &Context, setup: &Setup, pass: &SingleScatter, projection: &Proj
 /// Samples of the pass, by cell of the list, as [`cpu::single_scatter::single_scatter`] has them.
 fn run(ctx: &Context, setup: &Setup) -> ([Vec<Vec<ScatterSample>>; 2], Vec<u32>) {
     let (list, cells) = setup.list(ctx, Listed::Cells);
-    let pass = SingleScatter::new(ctx, &setup.data, DIRECTIONS, STEP).unwrap();
+    let pass = SingleScatter::new(ctx, &setup.data, STEP).unwrap();
     let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
-    let kinds =
-        [(Kind::Lights, pass.light_rays(&setup.data)), (Kind::Environment, pass.environment_rays(&setup.data, 1.0))];
+    let has_environment = setup.data.environment != constants::ENVIRONMENT_NONE;
+    let directions = if has_environment { DIRECTIONS } else { 0 };
+    let kinds = [(Kind::Lights, pass.light_rays(&setup.data)), (Kind::Environment, directions)];
     let read = kinds.map(|(kind, rays)| {
         deposit(ctx, setup, &pass, &projection, &list, kind);
         let samples = ctx.read_back(projection.samples()).unwrap();
@@ -168,7 +170,7 @@ fn many_lights_are_split_over_dispatches() {
         cpu::project::project_deposit(&setup.host.params, &cells, &samples[0], false, &mut expected);
         // Rays of 1,037 steps: 27 to a dispatch; of 20, as many as there is room for.
         for step in [0.01, 0.5] {
-            let pass = SingleScatter::new(ctx, &setup.data, DIRECTIONS, step).unwrap();
+            let pass = SingleScatter::new(ctx, &setup.data, step).unwrap();
             assert_eq!(pass.light_rays(&setup.data), 280);
             let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
             deposit(ctx, &setup, &pass, &projection, &list, Kind::Lights);

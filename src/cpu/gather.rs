@@ -28,11 +28,12 @@ fn lattice_shift(scene: &SceneParams, index: u32, order: u32) -> [f32; 2] {
 }
 
 /// Energy of every candidate of every listed cell, estimated with nearest reads of `light`: source function and extinction
-/// as the proxy has them. `weights[cell in the list][candidate]`.
+/// as the proxy has them. `sky`: radiance behind everything, in their units. `weights[cell in the list][candidate]`.
 pub fn gather_proxy(
     scene: &SceneParams,
     cells: &[u32],
     light: &Texture<Vec2>,
+    sky: Vec3,
     order: u32,
     candidates: u32,
     step_voxels: f32,
@@ -49,7 +50,7 @@ pub fn gather_proxy(
             energy += through * (1.0 - passed) * l.x;
             through *= passed;
         }
-        energy
+        energy + through * sky.element_sum() / 3.0
     };
     let of_cell = |&index: &u32| {
         let cell = Cell::from_linear(scene, index);
@@ -96,8 +97,8 @@ pub fn select_shift(scene: &SceneParams, index: u32, order: u32) -> f32 {
 /// What is gathered, as [`Gathered`](crate::passes::gather::Gathered) says.
 #[derive(Clone, Copy)]
 pub enum Carried<'a> {
-    /// Extinction times A and extinction, B by component.
-    Projected(&'a [Texture<Vec4>; 4]),
+    /// Extinction times A and extinction, B by component; and the radiance behind everything.
+    Projected(&'a [Texture<Vec4>; 4], Vec3),
     /// The source itself, and extinction.
     Emitted(&'a Texture<Vec4>),
     /// Extinction times what this delta light brings, but for the phase function; and extinction.
@@ -113,7 +114,7 @@ pub fn traced_radiance(scene: &SceneParams, carried: Carried<'_>, ray: Ray, towa
             break;
         }
         let (f, source) = match carried {
-            Carried::Projected([a, b @ ..]) => {
+            Carried::Projected([a, b @ ..], _) => {
                 let a = a.sample(p);
                 let along = |axis: usize| b[axis].sample(p).truncate() * towards[axis];
                 let b = if scene.g == 0.0 { Vec3::ZERO } else { along(0) + along(1) + along(2) };
@@ -135,7 +136,10 @@ pub fn traced_radiance(scene: &SceneParams, carried: Carried<'_>, ray: Ray, towa
         radiance += source * (through * scale * mean_transmittance(tau));
         through *= (-tau).exp();
     }
-    radiance
+    match carried {
+        Carried::Projected(_, sky) => radiance + through * sky,
+        _ => radiance,
+    }
 }
 
 /// Samples of what is carried, scattered once more in the listed cells. `chosen` by cell of the list, out of a lattice

@@ -15,7 +15,7 @@ use crate::vk::{Buffer, Context, Filter, Pipeline, Recorder};
 /// What is gathered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gathered {
-    /// Light of one order.
+    /// Light of the orders before, and a constant environment behind everything where [`SceneData`] has one.
     Projected,
     /// Emission, as classification stores it.
     Emitted,
@@ -101,6 +101,7 @@ impl Gather {
     ) -> Result<Self> {
         let is_projected = gathered == Gathered::Projected;
         let config = if is_projected { config } else { GatherConfig { sampling: Sampling::Phase, ..config } };
+        let has_sky = is_projected && scene.environment == constants::ENVIRONMENT_CONSTANT;
         let source = match gathered {
             Gathered::Projected => constants::SOURCE_PROJECTED,
             Gathered::Emitted => constants::SOURCE_EMITTED,
@@ -117,13 +118,14 @@ impl Gather {
             workgroup,
             ("ANISOTROPIC", (is_projected && scene.params.g != 0.0).into()),
             ("SOURCE", source),
+            ("SKY", has_sky.into()),
             ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("SAMPLING", sampling),
         ];
         let candidates = if config.uses_proxy() {
             let select = [workgroup, ("SAMPLING", sampling)];
             Some([
-                Pipeline::new(ctx, &shaders::GATHER_PROXY, &[workgroup])?,
+                Pipeline::new(ctx, &shaders::GATHER_PROXY, &[workgroup, ("SKY", has_sky.into())])?,
                 Pipeline::new(ctx, &shaders::GATHER_SELECT, &select)?,
             ])
         } else {
@@ -154,6 +156,11 @@ impl Gather {
         [self.config.candidates, self.config.directions].map(|count| share_of(count, share))
     }
 
+    /// N for cells that get the given share of directions.
+    pub fn directions(&self, share: f32) -> u32 {
+        self.counts(share)[1]
+    }
+
     /// Rough cost per cell in traced rays: a proxy ray costs a part of one.
     pub fn rays(&self, share: f32) -> f64 {
         let [candidates, directions] = self.counts(share).map(f64::from);
@@ -175,7 +182,7 @@ impl Gather {
 
     /// Gathers a chunk of cells: samples the light of `source`, scattered once more, and deposits it. `stream` keeps the
     /// random numbers of orders apart. `proxy` must be built from `source` where the sampling uses it. `light`: whose light
-    /// `source` is, with [`Gathered::Light`].
+    /// `source` is, with [`Gathered::Light`]. `is_seen`: the eye shall see it through what is stored.
     ///
     /// Ordered after all compute accesses before; ends with the projection's sums written by compute.
     #[allow(clippy::too_many_arguments, reason = "what the kernels read and write is named one by one")]
@@ -189,6 +196,7 @@ impl Gather {
         source: &Source,
         stream: u32,
         light: u32,
+        is_seen: bool,
     ) {
         let c = &self.config;
         let [candidates, directions] = args.counts;
@@ -225,7 +233,7 @@ impl Gather {
         }
         rec.begin_pass("gather.trace", stream);
         let lattice = if c.uses_proxy() { candidates } else { directions };
-        scattering.record_blocks(rec, chunk, directions, c.step, true, |rec, slots| {
+        scattering.record_blocks(rec, chunk, directions, c.step, is_seen, |rec, slots| {
             let push = GatherTracePush {
                 chunk_begin,
                 chunk_items,

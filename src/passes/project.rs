@@ -236,8 +236,8 @@ impl Projection {
         }
     }
 
-    /// Solves for the order's source. `nodes` with its chunks' `args`; `total` has the extinction. `is_seen`: A is added to
-    /// `total`, for g = 0.
+    /// Solves for a source. `nodes` with its chunks' `args`; `total` has the extinction. `fixed`: light that enters the source
+    /// beside what is solved for. `is_seen`: A without it is added to `total`, for g = 0.
     ///
     /// Ordered after all compute accesses before; ends with `source` and `total` written by compute.
     #[allow(clippy::too_many_arguments, reason = "what is read and written is named one by one")]
@@ -248,13 +248,15 @@ impl Projection {
         nodes: &List,
         args: &ChunkArgs,
         source: &Source,
+        fixed: Option<&Source>,
         total: &Image,
         is_seen: bool,
     ) {
-        self.solve(rec, scene, nodes, args, &self.sums[0], &source.a, total, is_seen);
+        self.solve(rec, scene, nodes, args, &self.sums[0], &source.a, fixed.map(|f| &f.a), total, is_seen);
         if self.is_anisotropic {
-            for (sums, b) in self.sums[1..4].iter().zip(&source.b) {
-                self.solve(rec, scene, nodes, args, sums, b, total, false);
+            for (axis, b) in source.b.iter().enumerate() {
+                let fixed = fixed.map(|f| &f.b[axis]);
+                self.solve(rec, scene, nodes, args, &self.sums[1 + axis], b, fixed, total, false);
             }
         }
     }
@@ -269,7 +271,7 @@ impl Projection {
         solution: &Image,
         total: &Image,
     ) {
-        self.solve(rec, scene, nodes, args, &self.sums[0], solution, total, false);
+        self.solve(rec, scene, nodes, args, &self.sums[0], solution, None, total, false);
     }
 
     /// For g ≠ 0, after the last order: adds what the eye sees to `total`. `source` is overwritten.
@@ -284,7 +286,7 @@ impl Projection {
         source: &Source,
         total: &Image,
     ) {
-        self.solve(rec, scene, nodes, args, &self.sums[4], &source.a, total, true);
+        self.solve(rec, scene, nodes, args, &self.sums[4], &source.a, None, total, true);
     }
 
     #[allow(clippy::too_many_arguments, reason = "what is read and written is named one by one")]
@@ -296,6 +298,7 @@ impl Projection {
         args: &ChunkArgs,
         sums: &Image,
         solution: &Image,
+        fixed: Option<&Image>,
         total: &Image,
         adds: bool,
     ) {
@@ -314,6 +317,7 @@ impl Projection {
                     chunk_items: chunk.items,
                     is_first: (step == 0).into(),
                     adds: (adds && step == last).into(),
+                    joins: (fixed.is_some() && step == last).into(),
                     factor: if step == 0 { 0.0 } else { self.factors[step - 1] },
                 };
                 let binds = [
@@ -322,6 +326,7 @@ impl Projection {
                     ("before", before.sampled(Filter::Nearest)),
                     ("after", target(step).storage()),
                     ("total", seen.storage()),
+                    ("fixed_light", fixed.unwrap_or(sums).sampled(Filter::Nearest)),
                 ];
                 chunk.dispatch(rec, &self.solve, &binds, &push, args);
             }

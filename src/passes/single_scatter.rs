@@ -3,7 +3,7 @@
 use super::compact::Chunk;
 use super::project::Scattering;
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, order_compute, share_of};
+use super::{LIST_WORKGROUP, order_compute};
 use crate::Result;
 use crate::abi::SingleScatterPush;
 use crate::shaders::{self, constants};
@@ -13,20 +13,14 @@ use std::ops::Range;
 /// The pass.
 pub struct SingleScatter {
     pipeline: Pipeline,
-    directions: u32,
     step: f32,
 }
 
 impl SingleScatter {
-    /// Makes the pipeline. `directions`: samples of the environment per cell.
-    pub fn new(ctx: &Context, scene: &SceneData, directions: u32, step: f32) -> Result<Self> {
+    /// Makes the pipeline.
+    pub fn new(ctx: &Context, scene: &SceneData, step: f32) -> Result<Self> {
         let specialization = [("WORKGROUP", LIST_WORKGROUP), ("ENVIRONMENT", scene.environment)];
-        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, directions, step })
-    }
-
-    /// Rays towards the environment of a cell that gets the given share of directions.
-    pub fn environment_rays(&self, scene: &SceneData, share: f32) -> u32 {
-        if scene.environment == constants::ENVIRONMENT_NONE { 0 } else { share_of(self.directions, share) }
+        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, step })
     }
 
     /// Rays per cell towards delta lights.
@@ -34,13 +28,20 @@ impl SingleScatter {
         scene.light_count * constants::LIGHT_POINTS
     }
 
-    /// Samples and deposits the environment's light in a chunk of cells, which get the given share of directions.
+    /// Samples and deposits the environment's light in a chunk of cells from so many `directions`. `is_seen`: the eye shall
+    /// see it through what is stored.
     ///
     /// Ordered after all compute accesses before; ends with the projection's sums written by compute.
-    pub fn record_environment(&self, rec: &mut Recorder, scattering: &Scattering<'_>, chunk: &Chunk<'_>, share: f32) {
-        let rays = self.environment_rays(scattering.scene, share);
-        scattering.record_blocks(rec, chunk, rays, self.step, true, |rec, block| {
-            self.record_rays(rec, scattering, chunk, 0..0, block, rays);
+    pub fn record_environment(
+        &self,
+        rec: &mut Recorder,
+        scattering: &Scattering<'_>,
+        chunk: &Chunk<'_>,
+        directions: u32,
+        is_seen: bool,
+    ) {
+        scattering.record_blocks(rec, chunk, directions, self.step, is_seen, |rec, block| {
+            self.record_rays(rec, scattering, chunk, 0..0, block, directions);
         });
     }
 

@@ -13,6 +13,7 @@ use crate::passes::project::{Kept, Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
 use crate::passes::scene_data::SceneData;
 use crate::passes::see::{self, See};
+use crate::passes::share_of;
 use crate::passes::single_scatter::SingleScatter;
 use crate::scene::{Model, Scene};
 use crate::shaders::constants;
@@ -69,6 +70,10 @@ pub fn render(
 pub struct Renderer<'a> {
     ctx: &'a Context,
     orders: u32,
+    /// Of their directions, what gathers use whose light the eye sees only after another one.
+    inner_share: f32,
+    /// Environment directions of a cell where single scattering samples what the eye sees.
+    environment_directions: u32,
     samples: u32,
     mask: [u8; 4],
     data: SceneData,
@@ -102,9 +107,10 @@ struct Cells<'a> {
     list: &'a List,
     share: f32,
     args: ChunkArgs,
-    gather: Option<GatherArgs>,
+    /// Of the inner gathers, and of the last.
+    gather: Option<[GatherArgs; 2]>,
     emission: Option<GatherArgs>,
-    lights: Option<GatherArgs>,
+    lights: Option<[GatherArgs; 2]>,
 }
 
 /// What scattering needs; the local models do without.
@@ -118,8 +124,11 @@ struct Scatter {
     projection: Projection,
     /// The voxels that it writes.
     nodes: List,
-    /// Of the latest order.
+    /// Of all orders so far.
     source: Source,
+    /// Of the part of it that every iteration adds anew: light by single scattering that no gather brings. Where there is
+    /// such light, and a further order.
+    fixed: Option<Source>,
     /// For g ≠ 0: the gather of order 1 of delta lights, and that order of the first lights; the others go by moments.
     lights: Option<(Gather, Vec<Image>)>,
 }
@@ -169,6 +178,8 @@ impl<'a> Renderer<'a> {
             let with_proxy = has_next && gather_config.uses_proxy();
             let separate =
                 if has_next && data.params.g != 0.0 { data.light_count.min(MOST_SEPARATE_LIGHTS) } else { 0 };
+            let is_sampled = data.environment == constants::ENVIRONMENT_IMAGE;
+            let has_fixed = has_next && (data.light_count > separate || is_sampled || emits);
             Some(Scatter {
                 lights: if separate > 0 {
                     let image = |_| ctx.image_3d("light", dims, ImageFormat::Rgba16Float);
@@ -177,7 +188,7 @@ impl<'a> Renderer<'a> {
                 } else {
                     None
                 },
-                single: SingleScatter::new(ctx, &data, s.environment_directions, s.gather_step)?,
+                single: SingleScatter::new(ctx, &data, s.gather_step)?,
                 gather: if has_next {
                     Some(Gather::new(ctx, &data, gather_config, chunk, Gathered::Projected)?)
                 } else {
@@ -203,6 +214,7 @@ impl<'a> Renderer<'a> {
                 projection: Projection::new(ctx, &data, chunk, s.projection_steps, has_next)?,
                 nodes: List::new(ctx, &data, Listed::Nodes, chunk, segment)?,
                 source: Source::new(ctx, dims, data.params.g != 0.0 && has_next)?,
+                fixed: if has_fixed { Some(Source::new(ctx, dims, data.params.g != 0.0)?) } else { None },
             })
         } else {
             None
@@ -212,6 +224,8 @@ impl<'a> Renderer<'a> {
         Ok(Self {
             ctx,
             orders,
+            inner_share: s.inner_share,
+            environment_directions: s.environment_directions,
             samples: s.spp,
             mask: s.mask,
             classify: Classify::new(ctx, emitted)?,
@@ -268,6 +282,9 @@ impl<'a> Renderer<'a> {
         let mut rec = Recorder::new(self.ctx)?;
         if let Some(scatter) = &self.scatter {
             scatter.source.clear(&mut rec);
+            if let Some(fixed) = &scatter.fixed {
+                fixed.clear(&mut rec);
+            }
             for image in scatter.lights.iter().flat_map(|(_, images)| images) {
                 rec.clear_image(image);
             }
@@ -318,15 +335,36 @@ impl<'a> Renderer<'a> {
         (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
     }
 
+    /// Environment directions of a cell that gets the given share of them, for what the eye sees. A constant environment is
+    /// brought by the last gather where there is one.
+    fn environment_rays(&self, share: f32) -> u32 {
+        match self.data.environment {
+            constants::ENVIRONMENT_NONE => 0,
+            constants::ENVIRONMENT_CONSTANT if self.orders > 1 => 0,
+            _ => share_of(self.environment_directions, share),
+        }
+    }
+
+    /// The same for order 1 of an environment that the gathers bring: the first of them needs it as light to scatter.
+    fn inner_environment_rays(&self, scatter: &Scatter, share: f32) -> u32 {
+        match &scatter.gather {
+            Some(gather) if self.data.environment == constants::ENVIRONMENT_CONSTANT => {
+                gather.directions(self.inner_share * share)
+            }
+            _ => 0,
+        }
+    }
+
     /// Rough cost in traced rays, for the progress bar.
     fn work(&self) -> f64 {
         let rays = |s: &Scatter, share: f32| {
-            let first = f64::from(s.single.environment_rays(&self.data, share))
-                + s.emission.as_ref().map_or(0.0, |e| e.0.rays(share));
+            let first = f64::from(self.environment_rays(share)) + s.emission.as_ref().map_or(0.0, |e| e.0.rays(share));
             let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
-            let later = s.gather.as_ref().map_or(0.0, |g| g.rays(share) * f64::from(self.orders - 1));
-            let separate = s.lights.as_ref().map_or(0.0, |(g, images)| g.rays(share) * images.len() as f64);
-            first + lights + later + separate
+            let inner = f64::from(self.orders.saturating_sub(2));
+            let gathers = |g: &Gather| inner * g.rays(self.inner_share * share) + g.rays(share);
+            let later = s.gather.as_ref().map_or(0.0, gathers);
+            let separate = s.lights.as_ref().map_or(0.0, |(g, images)| gathers(g) * images.len() as f64);
+            first + f64::from(self.inner_environment_rays(s, share)) + lights + later + separate
         };
         let of_list = |s: &Scatter| self.lists.iter().map(|l| l.list.items() as f64 * rays(s, l.share)).sum();
         self.scatter.as_ref().map_or(0.0, of_list)
@@ -338,20 +376,25 @@ impl<'a> Renderer<'a> {
         2.0 * f64::from(self.data.params.size[0])
     }
 
+    /// Light of all orders. With K the gather and D, what single scattering brings, the orders up to n are
+    /// sₙ = D + K sₙ₋₁. So only the last gather needs many directions: the noise of those before is averaged by it.
     fn scatter(&self, scatter: &Scatter, queue: &mut Queue<'_>) -> Result<()> {
         let (ctx, data) = (self.ctx, &self.data);
         let mut rec = Recorder::new(ctx)?;
         let node_args = scatter.nodes.chunk_args(ctx, &mut rec, 1)?;
         let mut groups = Vec::new();
         for &Shared { ref list, share } in &self.lists {
-            let mut args = |gather: Option<&Gather>| gather.map(|g| g.args(ctx, &mut rec, list, share)).transpose();
+            let mut args =
+                |gather: Option<&Gather>, share| gather.map(|g| g.args(ctx, &mut rec, list, share)).transpose();
+            let mut both =
+                |gather| Ok(args(gather, self.inner_share * share)?.zip(args(gather, share)?).map(|(i, l)| [i, l]));
             groups.push(Cells {
+                gather: both(scatter.gather.as_ref())?,
+                lights: both(scatter.lights.as_ref().map(|l| &l.0))?,
+                emission: args(scatter.emission.as_ref().map(|e| &e.0), share)?,
+                args: list.chunk_args(ctx, &mut rec, 1)?,
                 list,
                 share,
-                gather: args(scatter.gather.as_ref())?,
-                emission: args(scatter.emission.as_ref().map(|e| &e.0))?,
-                lights: args(scatter.lights.as_ref().map(|l| &l.0))?,
-                args: list.chunk_args(ctx, &mut rec, 1)?,
             });
         }
         if let Some(proxy) = &scatter.proxy {
@@ -359,8 +402,8 @@ impl<'a> Renderer<'a> {
         }
         queue.submit(rec, 0.0, "scattering")?;
 
-        let first = self.kept(self.orders > 1);
         let has_next = self.orders > 1;
+        let first = self.kept(has_next);
         let single_lights = |queue: &mut Queue<'_>, kept: Kept, lights: Range<u32>| {
             let rays = f64::from(lights.len() as u32 * constants::LIGHT_POINTS);
             for cells in &groups {
@@ -368,6 +411,21 @@ impl<'a> Renderer<'a> {
                 self.for_chunks(cells.list, queue, "single scattering", rays, |rec, chunk| {
                     rec.begin_pass("single", 1);
                     scatter.single.record_lights(rec, &scattering, chunk, lights.clone());
+                    rec.end_pass();
+                })?;
+            }
+            Ok::<_, Error>(())
+        };
+        let single_environment = |queue: &mut Queue<'_>, rays: &dyn Fn(f32) -> u32, is_seen: bool| {
+            for cells in &groups {
+                let scattering = self.scattering(scatter, cells, first);
+                let rays = rays(cells.share);
+                if rays == 0 {
+                    continue;
+                }
+                self.for_chunks(cells.list, queue, "single scattering", rays.into(), |rec, chunk| {
+                    rec.begin_pass("single", 1);
+                    scatter.single.record_environment(rec, &scattering, chunk, rays, is_seen);
                     rec.end_pass();
                 })?;
             }
@@ -384,58 +442,75 @@ impl<'a> Renderer<'a> {
             rec.end_pass();
             queue.submit(rec, 0.0, "scattering")?;
         }
-        let solve =
-            |queue: &mut Queue<'_>, order: u32, is_seen: bool| self.solve(scatter, &node_args, queue, order, is_seen);
         // What the eye shall see of order 1, then the light that it sees without it (`camera.comp`).
-        for cells in &groups {
-            let scattering = self.scattering(scatter, cells, first);
-            let emission = scatter.emission.as_ref().map(|e| &e.0).zip(cells.emission.as_ref());
-            let rays = f64::from(scatter.single.environment_rays(data, cells.share))
-                + emission.map_or(0.0, |(gather, _)| gather.rays(cells.share));
-            self.for_chunks(cells.list, queue, "single scattering", rays, |rec, chunk| {
-                rec.begin_pass("single", 1);
-                scatter.single.record_environment(rec, &scattering, chunk, cells.share);
-                rec.end_pass();
-                if let Some((gather, args)) = emission {
-                    let emitted = Source { a: self.emitted.clone(), b: scatter.source.b.clone() };
-                    gather.record(rec, &scattering, chunk, args, None, &emitted, EMISSION_STREAM, 0);
-                }
-            })?;
-        }
-        let is_seen = data.environment != constants::ENVIRONMENT_NONE || scatter.emission.is_some();
-        if is_seen && !scatter.projection.has_eye() {
-            solve(queue, 1, true)?;
-        }
-        if has_next {
-            single_lights(queue, first, separate.len() as u32..data.light_count)?;
-            solve(queue, 1, false)?;
-        }
-        for order in 2..=self.orders {
-            let gather = scatter.gather.as_ref().expect("a gather where orders follow the first");
-            let mut rec = Recorder::new(ctx)?;
-            if let Some(proxy) = &scatter.proxy {
-                proxy.record(&mut rec, data, &scatter.nodes, &node_args, &scatter.source.a, order);
-                let at = (constants::PROXY_WORDS * (order - 1)) as usize;
-                rec.barrier(Access::ComputeReadWrite, Access::TransferRead);
-                rec.copy(proxy.control(), 0, &self.proxy_log, at, constants::PROXY_WORDS as usize);
-            }
-            scatter.projection.record_clear(&mut rec);
-            queue.submit(rec, 0.0, "multiple scattering")?;
-            let has_next = order < self.orders;
+        single_environment(queue, &|share| self.environment_rays(share), true)?;
+        if let Some((gather, _)) = &scatter.emission {
+            let emitted = Source { a: self.emitted.clone(), b: scatter.source.b.clone() };
             for cells in &groups {
-                let scattering = self.scattering(scatter, cells, self.kept(has_next));
-                if order == 2
-                    && let Some((gather, images)) = &scatter.lights
-                {
-                    self.gather_lights(cells, queue, gather, images, &scattering)?;
-                }
-                let args = cells.gather.as_ref().expect("arguments of the gather");
-                self.for_chunks(cells.list, queue, "multiple scattering", gather.rays(cells.share), |rec, chunk| {
-                    gather.record(rec, &scattering, chunk, args, scatter.proxy.as_ref(), &scatter.source, order, 0);
+                let scattering = self.scattering(scatter, cells, first);
+                let args = cells.emission.as_ref().expect("arguments of the gather of emission");
+                self.for_chunks(cells.list, queue, "single scattering", gather.rays(cells.share), |rec, chunk| {
+                    gather.record(rec, &scattering, chunk, args, None, &emitted, EMISSION_STREAM, 0, true);
                 })?;
             }
-            if has_next || !scatter.projection.has_eye() {
-                solve(queue, order, !scatter.projection.has_eye())?;
+        }
+        let is_seen = self.environment_rays(1.0) > 0 || scatter.emission.is_some();
+        let solve = |queue: &mut Queue<'_>, order, into: &Source, fixed: Option<&Source>, is_seen: bool| {
+            self.solve(scatter, &node_args, queue, order, into, fixed, is_seen)
+        };
+        if is_seen && !scatter.projection.has_eye() {
+            solve(queue, 1, &scatter.source, None, true)?;
+        }
+        if let Some(gather) = &scatter.gather {
+            // Light of the orders before; `None`: there is none.
+            let mut source = None;
+            if let Some(fixed) = &scatter.fixed {
+                single_lights(queue, first, separate.len() as u32..data.light_count)?;
+                solve(queue, 1, fixed, None, false)?;
+                source = Some(fixed);
+            }
+            if self.inner_environment_rays(scatter, 1.0) > 0 {
+                single_environment(queue, &|share| self.inner_environment_rays(scatter, share), false)?;
+                solve(queue, 1, &scatter.source, None, false)?;
+                source = Some(&scatter.source);
+            }
+            for order in 2..=self.orders {
+                let mut rec = Recorder::new(ctx)?;
+                if let Some(proxy) = &scatter.proxy {
+                    proxy.record(
+                        &mut rec,
+                        data,
+                        &scatter.nodes,
+                        &node_args,
+                        &source.unwrap_or(&scatter.source).a,
+                        order,
+                    );
+                    let at = (constants::PROXY_WORDS * (order - 1)) as usize;
+                    rec.barrier(Access::ComputeReadWrite, Access::TransferRead);
+                    rec.copy(proxy.control(), 0, &self.proxy_log, at, constants::PROXY_WORDS as usize);
+                }
+                scatter.projection.record_clear(&mut rec);
+                queue.submit(rec, 0.0, "multiple scattering")?;
+                let is_last = order == self.orders;
+                for cells in &groups {
+                    let scattering = self.scattering(scatter, cells, self.kept(!is_last));
+                    let share = if is_last { cells.share } else { self.inner_share * cells.share };
+                    if let Some((gather, images)) = &scatter.lights {
+                        self.gather_lights(cells, queue, gather, images, &scattering, order)?;
+                    }
+                    let Some(source) = source else { continue };
+                    let args = &cells.gather.as_ref().expect("arguments of the gather")[usize::from(is_last)];
+                    self.for_chunks(cells.list, queue, "multiple scattering", gather.rays(share), |rec, chunk| {
+                        let proxy = scatter.proxy.as_ref();
+                        gather.record(rec, &scattering, chunk, args, proxy, source, order, 0, is_last);
+                    })?;
+                }
+                source = Some(&scatter.source);
+                if !is_last {
+                    solve(queue, order, &scatter.source, scatter.fixed.as_ref(), false)?;
+                } else if !scatter.projection.has_eye() {
+                    solve(queue, order, &scatter.source, None, true)?;
+                }
             }
         }
         if scatter.projection.has_eye() {
@@ -470,7 +545,7 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// Order 2 of the delta lights whose order 1 is in `images`.
+    /// Order 2 of the delta lights whose order 1 is in `images`, for the orders up to `order`.
     fn gather_lights(
         &self,
         cells: &Cells<'_>,
@@ -478,31 +553,37 @@ impl<'a> Renderer<'a> {
         gather: &Gather,
         images: &[Image],
         scattering: &Scattering<'_>,
+        order: u32,
     ) -> Result<()> {
-        let args = cells.lights.as_ref().expect("arguments of the lights' gather");
+        let is_last = order == self.orders;
+        let args = &cells.lights.as_ref().expect("arguments of the lights' gather")[usize::from(is_last)];
+        let rays = gather.rays(if is_last { cells.share } else { self.inner_share * cells.share });
         for (l, image) in images.iter().enumerate() {
             let source = Source { a: image.clone(), b: [image.clone(), image.clone(), image.clone()] };
-            self.for_chunks(cells.list, queue, "multiple scattering", gather.rays(cells.share), |rec, chunk| {
-                let stream = LIGHT_STREAM ^ l as u32;
-                gather.record(rec, scattering, chunk, args, None, &source, stream, l as u32);
+            self.for_chunks(cells.list, queue, "multiple scattering", rays, |rec, chunk| {
+                let stream = LIGHT_STREAM ^ (order * MOST_SEPARATE_LIGHTS + l as u32);
+                gather.record(rec, scattering, chunk, args, None, &source, stream, l as u32, is_last);
             })?;
         }
         Ok(())
     }
 
-    /// Solves for the source of `order`; `is_seen`: the eye shall see it.
+    /// Solves for the source of `order`, to which `fixed` is added; `is_seen`: the eye shall see what is solved for.
+    #[allow(clippy::too_many_arguments, reason = "as Projection::record_solve")]
     fn solve(
         &self,
         scatter: &Scatter,
         node_args: &ChunkArgs,
         queue: &mut Queue<'_>,
         order: u32,
+        into: &Source,
+        fixed: Option<&Source>,
         is_seen: bool,
     ) -> Result<()> {
         let mut rec = Recorder::new(self.ctx)?;
         rec.begin_pass("project", order);
-        let (source, total) = (&scatter.source, &self.total);
-        scatter.projection.record_solve(&mut rec, &self.data, &scatter.nodes, node_args, source, total, is_seen);
+        let (projection, nodes, total) = (&scatter.projection, &scatter.nodes, &self.total);
+        projection.record_solve(&mut rec, &self.data, nodes, node_args, into, fixed, total, is_seen);
         rec.end_pass();
         queue.submit(rec, 0.0, "scattering")
     }

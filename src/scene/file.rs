@@ -248,6 +248,7 @@ table! {
         directions: u32,
         orders: Orders,
         max_events: u32,
+        inner_share: f64,
         environment_directions: u32,
         camera_step: f64,
         gather_step: f64,
@@ -556,13 +557,14 @@ impl RenderTable {
         check("render.proxy_step", &self.proxy_step, step, "a step from 0.1 to 8 voxels")?;
         let steps = |n: &u32| (1..=64).contains(n);
         check("render.projection_steps", &self.projection_steps, steps, "a number from 1 to 64")?;
-        check(
-            "render.hidden_share",
-            &self.hidden_share,
-            |&s| s > 0.0 && s <= 1.0,
-            "a share greater than 0, at most 1",
-        )?;
-        check("render.defence", &self.defence, |&d| d > 0.0 && d <= 1.0, "a share greater than 0, at most 1")?;
+        let is_share = |&s: &f64| s > 0.0 && s <= 1.0;
+        for (field, share) in [
+            ("render.hidden_share", &self.hidden_share),
+            ("render.inner_share", &self.inner_share),
+            ("render.defence", &self.defence),
+        ] {
+            check(field, share, is_share, "a share greater than 0, at most 1")?;
+        }
         let pixels = |s: &[u32; 2]| s.iter().all(|n| (1..=16384).contains(n));
         check("render.size", &self.size, pixels, "a width and a height from 1 to 16384 pixels")?;
         check("render.spp", &self.spp, |n| (1..=MAX_SPP).contains(n), &format!("a number from 1 to {MAX_SPP}"))?;

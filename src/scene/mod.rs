@@ -175,14 +175,18 @@ pub struct Settings {
     pub sampling: Sampling,
     /// M: candidate directions per cell and order, estimated in the proxy. 1..=1024.
     pub candidates: u32,
-    /// N: directions per cell and order traced in the data. 1..=1024; N ≤ M where the sampling uses candidates.
+    /// N: directions per cell traced in the data, in the gather that the eye sees. 1..=1024; N ≤ M where the sampling uses
+    /// candidates.
     pub directions: u32,
+    /// Share of N and M that the gathers before that one get, in (0, 1]: their noise reaches the eye only as means over
+    /// several cells.
+    pub inner_share: f32,
     /// K: light scattered 1..K times, ≥ 1; [`UNLIMITED`] for `path` only.
     #[serde(serialize_with = "values::write_orders")]
     pub orders: u32,
     /// Scatterings after which a path of unlimited orders is cut.
     pub max_events: u32,
-    /// Directions with which order 1 gathers the environment, per cell.
+    /// Directions in which a cell samples an environment image, or any environment where no further order is gathered.
     pub environment_directions: u32,
     /// Share of their directions that cells get which the eye does not see, in (0, 1].
     pub hidden_share: f32,
@@ -214,9 +218,10 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             model: Model::Multiple,
-            sampling: Sampling::Resample,
-            candidates: 32,
-            directions: 16,
+            sampling: Sampling::Phase,
+            candidates: 64,
+            directions: 48,
+            inner_share: 0.5,
             orders: 4,
             max_events: 100_000,
             environment_directions: 64,

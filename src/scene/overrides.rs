@@ -51,22 +51,27 @@ pub struct Overrides {
     /// Light transport [default: multiple]
     #[arg(long, value_name = "MODEL", help_heading = "Method")]
     pub model: Option<Model>,
-    /// How the traced directions are chosen [default: resample]
+    /// How the traced directions are chosen [default: phase]
     #[arg(long, value_name = "MODE", help_heading = "Method")]
     pub sampling: Option<Sampling>,
-    /// M: candidate directions per cell and order, 1 to 1024 [default: 32]
+    /// M: candidate directions per cell for top and resample, 1 to 1024 [default: 64]
     #[arg(long, value_name = "M", help_heading = "Method")]
     pub candidates: Option<u32>,
-    /// N: traced directions per cell and order, 1 to 1024, at most M for top and resample [default: 16]
+    /// N: traced directions per cell, 1 to 1024, at most M for top and resample [default: 48]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub directions: Option<u32>,
+    /// Share of the directions that gathers before the last one get, whose noise averages out, greater than 0, at most 1
+    /// [default: 0.5]
+    #[arg(long, value_name = "SHARE", help_heading = "Method")]
+    pub inner_share: Option<f64>,
     /// K: light scattered 1 to K times; 'unlimited' for path only [default: 4]
     #[arg(long, value_name = "K", help_heading = "Method")]
     pub orders: Option<Orders>,
     /// Scatterings after which a path of unlimited orders is cut [default: 100000]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub max_events: Option<u32>,
-    /// Directions in which a cell gathers the environment, 1 to 1024 [default: 64]
+    /// Directions in which a cell samples an environment image, or any environment for the model single, 1 to 1024
+    /// [default: 64]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub environment_directions: Option<u32>,
     /// Share of their directions that cells get which the eye does not see, greater than 0, at most 1 [default: 0.25]
@@ -289,6 +294,7 @@ impl Overrides {
         layer.render.orders = self.orders;
         layer.render.max_events = self.max_events;
         layer.render.hidden_share = self.hidden_share;
+        layer.render.inner_share = self.inner_share;
         layer.render.environment_directions = self.environment_directions;
         layer.render.camera_step = self.camera_step;
         layer.render.gather_step = self.gather_step;

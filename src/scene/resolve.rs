@@ -159,6 +159,7 @@ fn settings(table: &RenderTable, dims: [u32; 3]) -> Result<Settings> {
         sampling: table.sampling.unwrap_or(default.sampling),
         candidates: table.candidates.unwrap_or(default.candidates),
         directions: table.directions.unwrap_or(default.directions),
+        inner_share: step(table.inner_share, default.inner_share),
         orders: table.orders.map_or(default.orders, |k| k.0),
         max_events: table.max_events.unwrap_or(default.max_events),
         environment_directions: table.environment_directions.unwrap_or(default.environment_directions),
