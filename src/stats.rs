@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::Result;
 use crate::scene::{Scene, Settings};
-use crate::vk::{Context, Severity, TimedPass, Validation};
+use crate::vk::{Context, PipelineStats, Severity, TimedPass, Validation};
 use crate::volume::Volume;
 
 /// One run's figures. Times are in milliseconds, sizes in bytes.
@@ -30,6 +30,8 @@ pub struct Stats {
     pub gpu_ms: f64,
     /// Elapsed time of the whole render, uploads and shader compilation included.
     pub wall_ms: f64,
+    /// The pipelines that were made for it.
+    pub pipelines: PipelineStats,
     /// Most device memory that was allocated at one time.
     pub peak_device_bytes: u64,
     /// What the validation layer said.
@@ -176,6 +178,7 @@ impl Stats {
             proxy,
             path: None,
             wall_ms,
+            pipelines: ctx.pipeline_stats(),
             peak_device_bytes: ctx.peak_bytes(),
             validation: ValidationStats {
                 enabled: ctx.validation() != Validation::Off,
@@ -222,6 +225,8 @@ impl Stats {
         }
         writeln!(out, "{:<24} {:>10} {:>12.3}", "all on the GPU", "", self.gpu_ms)?;
         writeln!(out, "{:<24} {:>10} {:>12.3}", "elapsed", "", self.wall_ms)?;
+        let PipelineStats { made, cached, ms } = self.pipelines;
+        writeln!(out, "pipelines: {made} made in {ms:.0} ms, {cached} of them from the cache on disk")?;
         writeln!(out, "device memory at its peak: {:.1} MiB", mebibytes(self.peak_device_bytes))
     }
 
@@ -316,6 +321,7 @@ mod tests {
             path: None,
             gpu_ms: 3.75,
             wall_ms: 10.0,
+            pipelines: PipelineStats::default(),
             peak_device_bytes: 3 << 20,
             validation: ValidationStats::default(),
         }
@@ -347,6 +353,9 @@ mod tests {
             "/proxy/0/mask_used/3",
             "/gpu_ms",
             "/wall_ms",
+            "/pipelines/made",
+            "/pipelines/cached",
+            "/pipelines/ms",
             "/peak_device_bytes",
             "/validation/enabled",
             "/validation/errors",

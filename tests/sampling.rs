@@ -202,7 +202,8 @@ fn a_seed_fixes_every_byte_of_the_command_line_s_file() {
         if let Some(device) = std::env::var_os("TYNDALL_DEVICE") {
             command.arg("--device").arg(device);
         }
-        let output = command.args([seed, "-o", file]).current_dir(&folder).output().unwrap();
+        let output =
+            command.args([seed, "-o", file]).current_dir(&folder).env("TYNDALL_CACHE_DIR", "").output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         std::fs::read(folder.path().join(file)).unwrap()
     };

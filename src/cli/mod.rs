@@ -8,7 +8,7 @@ pub mod render;
 pub mod verify;
 
 use crate::Result;
-use crate::vk::{ContextConfig, Validation};
+use crate::vk::{ContextConfig, Validation, user_cache_dir};
 
 /// Headless volume renderer with physically based multiple scattering.
 ///
@@ -69,7 +69,9 @@ pub struct DeviceArgs {
 impl DeviceArgs {
     /// What the device layer is asked for.
     pub fn config(&self) -> ContextConfig {
-        ContextConfig { device: self.device.clone(), validation: self.validate }
+        // Validation shall see every pipeline compiled.
+        let cache_dir = if self.validate == Validation::Off { user_cache_dir() } else { None };
+        ContextConfig { device: self.device.clone(), validation: self.validate, cache_dir }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::buffer::{Buffer, RawBuffer};
 use super::image::{Image, ImageFormat, RawImage};
+use super::pipeline_cache::CacheFile;
 use super::recorder::Recorder;
 use super::validation::{self, LayerSettings, Message, Severity, Sink, Validation};
 use crate::{Error, Result};
@@ -10,6 +11,7 @@ use bytemuck::Pod;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 use std::ffi::CStr;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -23,6 +25,8 @@ pub struct ContextConfig {
     pub device: Option<String>,
     /// Checks that run along.
     pub validation: Validation,
+    /// Folder for compiled pipelines (see [`super::user_cache_dir`]); `None`: they are compiled anew.
+    pub cache_dir: Option<PathBuf>,
 }
 
 /// A device as `tyndall devices` shows it.
@@ -44,6 +48,17 @@ pub struct DeviceInfo {
     pub missing: Vec<String>,
 }
 
+/// How pipelines came about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct PipelineStats {
+    /// Pipelines made.
+    pub made: u32,
+    /// Those of them that the driver took from the cache on disk.
+    pub cached: u32,
+    /// Time that making them took [ms].
+    pub ms: f64,
+}
+
 /// What every Vulkan object holds on to.
 pub(super) struct DeviceShared {
     // Dropped by hand in `drop`, in the order that Vulkan asks for.
@@ -55,6 +70,8 @@ pub(super) struct DeviceShared {
     pub(super) timeline_value: AtomicU64,
     pub(super) samplers: [vk::Sampler; 2],
     pub(super) pipeline_cache: vk::PipelineCache,
+    cache_file: Option<CacheFile>,
+    pipelines: Mutex<PipelineStats>,
     pub(super) limits: vk::PhysicalDeviceLimits,
     min_subgroup_size: u32,
     pub(super) max_subgroup_size: u32,
@@ -130,8 +147,36 @@ impl DeviceShared {
     }
 }
 
+impl DeviceShared {
+    fn pipelines(&self) -> MutexGuard<'_, PipelineStats> {
+        self.pipelines.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    pub(super) fn count_pipeline(&self, is_cached: bool, ms: f64) {
+        let mut stats = self.pipelines();
+        stats.made += 1;
+        stats.cached += u32::from(is_cached);
+        stats.ms += ms;
+    }
+
+    /// Keeps compiled pipelines for the next time, if there are new ones.
+    fn write_cache(&self) {
+        let Some(file) = &self.cache_file else { return };
+        let stats = *self.pipelines();
+        if stats.made == stats.cached {
+            return;
+        }
+        // SAFETY: device and cache are alive, and nothing else uses the cache.
+        match unsafe { self.raw.get_pipeline_cache_data(self.pipeline_cache) } {
+            Ok(data) => file.write(&data),
+            Err(result) => log::debug!("vkGetPipelineCacheData: {result}"),
+        }
+    }
+}
+
 impl Drop for DeviceShared {
     fn drop(&mut self) {
+        self.write_cache();
         // SAFETY: every object of the device holds an Arc of `self`, so none is left; the queue is idle after the wait.
         unsafe {
             let _ = self.raw.device_wait_idle();
@@ -283,7 +328,7 @@ impl Instance {
 /// What was read of a physical device.
 struct Probe {
     info: DeviceInfo,
-    limits: vk::PhysicalDeviceLimits,
+    properties: vk::PhysicalDeviceProperties,
     min_subgroup_size: u32,
     max_subgroup_size: u32,
     max_allocation: u64,
@@ -398,7 +443,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
     };
     Probe {
         info,
-        limits: l,
+        properties: p,
         min_subgroup_size: if v13.min_subgroup_size == 0 { v11.subgroup_size } else { v13.min_subgroup_size },
         max_subgroup_size: if v13.max_subgroup_size == 0 { v11.subgroup_size } else { v13.max_subgroup_size },
         max_allocation: v11.max_memory_allocation_size,
@@ -478,6 +523,12 @@ impl Context {
             buffer_device_address: false,
             allocation_sizes: AllocationSizes::new(16 << 20, 4 << 20),
         });
+        let (cache_file, cached) = config
+            .cache_dir
+            .as_ref()
+            .map(|folder| CacheFile::open(folder, &probe.properties, &probe.info.driver))
+            .unzip();
+        let cached = cached.unwrap_or_default();
         // SAFETY: the family and index are those the device was made with; the create infos are complete.
         let made = unsafe {
             let queue = device.get_device_queue(probe.queue_family, 0);
@@ -494,11 +545,10 @@ impl Context {
                     .address_mode_w(clamp);
                 device.create_sampler(&info, None)
             };
-            let cache = vk::PipelineCacheCreateInfo::default();
             device.create_semaphore(&info, None).and_then(|timeline| {
                 let nearest = sampler(vk::Filter::NEAREST, vk::SamplerMipmapMode::NEAREST)?;
                 let linear = sampler(vk::Filter::LINEAR, vk::SamplerMipmapMode::NEAREST)?;
-                Ok((queue, timeline, [nearest, linear], device.create_pipeline_cache(&cache, None)?))
+                Ok((queue, timeline, [nearest, linear], create_cache(&device, &cached)?))
             })
         };
         let (queue, timeline, samplers, pipeline_cache) =
@@ -515,10 +565,12 @@ impl Context {
             timeline_value: AtomicU64::new(0),
             samplers,
             pipeline_cache,
-            limits: probe.limits,
+            cache_file,
+            pipelines: Mutex::default(),
+            limits: probe.properties.limits,
             min_subgroup_size: probe.min_subgroup_size,
             max_subgroup_size: probe.max_subgroup_size,
-            has_timestamps: probe.timestamp_bits > 0 && probe.limits.timestamp_period > 0.0,
+            has_timestamps: probe.timestamp_bits > 0 && probe.properties.limits.timestamp_period > 0.0,
             debug,
             is_gpu_assisted: config.validation == Validation::GpuAssisted,
             checks_hazards: cfg!(debug_assertions) || config.validation != Validation::Off,
@@ -576,6 +628,16 @@ impl Context {
     /// Messages of the validation layer and of Tyndall's own checks so far.
     pub fn messages(&self) -> Vec<Message> {
         self.shared.sink.messages()
+    }
+
+    /// How the pipelines so far came about.
+    pub fn pipeline_stats(&self) -> PipelineStats {
+        *self.shared.pipelines()
+    }
+
+    /// Were sound compiled pipelines of earlier contexts found?
+    pub fn has_cached_pipelines(&self) -> bool {
+        self.shared.cache_file.as_ref().is_some_and(CacheFile::is_found)
     }
 
     /// Largest number of bytes of device memory in use at one time so far.
@@ -720,6 +782,19 @@ fn layer_chunks(image: &Image) -> Vec<std::ops::Range<u32>> {
     let layer = u64::from(width) * u64::from(height) * image.format().bytes();
     let step = (STAGING_BYTES as u64 / layer.max(1)).clamp(1, u64::from(depth.max(1))) as u32;
     (0..depth).step_by(step as usize).map(|z| z..(z + step).min(depth)).collect()
+}
+
+/// A cache with these data of an earlier one, or an empty one where the driver refuses them.
+///
+/// # Safety
+/// The device is alive, and `data` are what its driver once gave.
+unsafe fn create_cache(device: &ash::Device, data: &[u8]) -> ash::prelude::VkResult<vk::PipelineCache> {
+    let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
+    // SAFETY: as promised by the caller; `data` outlives the call.
+    unsafe { device.create_pipeline_cache(&info, None) }.or_else(|_| {
+        // SAFETY: as above.
+        unsafe { device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
+    })
 }
 
 fn create_device(instance: &Instance, physical: vk::PhysicalDevice, probe: &Probe) -> Result<ash::Device> {

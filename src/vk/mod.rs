@@ -13,13 +13,15 @@ mod buffer;
 mod context;
 mod image;
 mod pipeline;
+mod pipeline_cache;
 mod recorder;
 mod validation;
 
 pub use access::Access;
 pub use buffer::{Bind, Buffer, Filter};
-pub use context::{Context, ContextConfig, DeviceInfo, list_devices};
+pub use context::{Context, ContextConfig, DeviceInfo, PipelineStats, list_devices};
 pub use image::{Image, ImageFormat};
 pub use pipeline::Pipeline;
+pub use pipeline_cache::user_cache_dir;
 pub use recorder::{Recorder, Submission, TimedPass};
 pub use validation::{Message, Severity, Validation};

@@ -5,6 +5,7 @@ use crate::shaders::{BindingKind, LocalSize, ShaderInfo};
 use crate::{Error, Result};
 use ash::vk;
 use std::sync::Arc;
+use std::time::Instant;
 
 pub(super) struct RawPipeline {
     pub(super) handle: vk::Pipeline,
@@ -99,11 +100,22 @@ impl Pipeline {
         if local_size[0] % device.max_subgroup_size == 0 {
             stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
         }
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout);
-        // SAFETY: stage, module and specialization outlive the call.
+        let mut feedback = vk::PipelineCreationFeedback::default();
+        let mut of_stages = [vk::PipelineCreationFeedback::default()];
+        let mut feedback_info = vk::PipelineCreationFeedbackCreateInfo::default()
+            .pipeline_creation_feedback(&mut feedback)
+            .pipeline_stage_creation_feedbacks(&mut of_stages);
+        let info =
+            vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout).push_next(&mut feedback_info);
+        let start = Instant::now();
+        // SAFETY: stage, module, specialization and feedback outlive the call.
         let made = unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &[info], None) };
+        let ms = start.elapsed().as_secs_f64() * 1e3;
         // SAFETY: a module is not needed once the pipeline is made.
         unsafe { device.raw.destroy_shader_module(module, None) };
+        let hit = vk::PipelineCreationFeedbackFlags::VALID
+            | vk::PipelineCreationFeedbackFlags::APPLICATION_PIPELINE_CACHE_HIT;
+        device.count_pipeline(feedback.flags.contains(hit), ms);
         pipeline.handle = made.map_err(|(_, result)| result).map_err(error("vkCreateComputePipelines"))?[0];
         device.set_name(pipeline.handle, shader.name);
         device.set_name(pipeline.layout, shader.name);

@@ -3,7 +3,8 @@
 
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
-use std::sync::{Mutex, Once, PoisonError};
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use tyndall::vk::{Context, ContextConfig, Message, Validation};
 
 /// Validation of this run: `TYNDALL_VALIDATION=core` (default) or `gpu-assisted`.
@@ -22,7 +23,12 @@ pub fn is_full() -> bool {
 
 /// A context under validation. Without device or layer the test fails and says what to install.
 pub fn context() -> Context {
-    let config = ContextConfig { device: std::env::var("TYNDALL_DEVICE").ok(), validation: validation() };
+    context_with_cache(None)
+}
+
+/// The same, which keeps compiled pipelines in a folder.
+pub fn context_with_cache(cache_dir: Option<PathBuf>) -> Context {
+    let config = ContextConfig { device: std::env::var("TYNDALL_DEVICE").ok(), validation: validation(), cache_dir };
     let ctx = Context::new(&config).unwrap_or_else(|e| panic!("{e}"));
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -37,10 +43,15 @@ pub fn context() -> Context {
 /// uses all cores for one context anyway.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
+/// Holds others up until it is dropped.
+pub fn one_at_a_time() -> MutexGuard<'static, ()> {
+    // A test that failed has poisoned nothing.
+    ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Runs `body` and returns every message of its context, teardown included.
 pub fn messages_of(body: impl FnOnce(&Context)) -> Vec<Message> {
-    // A test that failed has poisoned nothing.
-    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let _turn = one_at_a_time();
     let ctx = context();
     body(&ctx);
     ctx.close()
@@ -48,7 +59,12 @@ pub fn messages_of(body: impl FnOnce(&Context)) -> Vec<Message> {
 
 /// Runs `body`; any message or leak fails the test.
 pub fn gpu_test(body: impl FnOnce(&Context)) {
-    let messages = messages_of(body);
+    assert_silent(&messages_of(body));
+}
+
+/// Fails with the first of any messages.
+#[track_caller]
+pub fn assert_silent(messages: &[Message]) {
     assert!(messages.is_empty(), "{} validation message(s):\n{}", messages.len(), {
         messages.iter().take(10).map(|m| m.to_string()).collect::<Vec<_>>().join("\n")
     });

@@ -32,7 +32,8 @@ impl Place {
 
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tyndall"));
-        command.args(args).current_dir(self.0.path());
+        // Tests depend on no earlier run's compiled pipelines, and leave the user none.
+        command.args(args).current_dir(self.0.path()).env("TYNDALL_CACHE_DIR", "");
         command
     }
 

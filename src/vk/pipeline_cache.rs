@@ -1,0 +1,243 @@
+//! Compiled pipelines kept on disk: one file per device, driver and version of Tyndall.
+//!
+//! A file is the driver's data behind a header of our own, since drivers do not check theirs against damage. Whatever does
+//! not match is ignored and replaced; whatever the system refuses turns the cache off. Nothing of it is ever an error.
+
+use ash::vk;
+use sha2::{Digest, Sha256};
+use std::fs;
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+
+/// First bytes of a file.
+const MAGIC: &[u8; 8] = b"TYNDPIPE";
+/// Length of the data as u64, then the hash of key and data.
+const HEADER_BYTES: usize = MAGIC.len() + 8 + 32;
+/// Most data of a file. What has grown beyond, from too many scenes, is thrown away whole.
+const MAX_BYTES: usize = 64 << 20;
+/// Most files of the folder: each driver and version leaves one.
+const MAX_FILES: usize = 8;
+/// How their names begin.
+const PREFIX: &str = "pipelines-";
+
+/// The user's folder for compiled pipelines: `TYNDALL_CACHE_DIR` (empty: none), else `tyndall` in `XDG_CACHE_HOME` or in
+/// `~/.cache`. `None` where none of them names a place.
+pub fn user_cache_dir() -> Option<PathBuf> {
+    cache_dir(|name| std::env::var_os(name).map(PathBuf::from), std::env::home_dir())
+}
+
+fn cache_dir(variable: impl Fn(&str) -> Option<PathBuf>, home: Option<PathBuf>) -> Option<PathBuf> {
+    if let Some(own) = variable("TYNDALL_CACHE_DIR") {
+        return (!own.as_os_str().is_empty()).then_some(own);
+    }
+    // The XDG specification: relative paths are invalid.
+    let xdg = variable("XDG_CACHE_HOME").filter(|path| path.is_absolute());
+    let folder = xdg.or_else(|| home.filter(|home| home.is_absolute()).map(|home| home.join(".cache")))?;
+    Some(folder.join("tyndall"))
+}
+
+/// A file of compiled pipelines.
+pub(super) struct CacheFile {
+    path: PathBuf,
+    key: String,
+    /// Hash of what is in the file, if that is sound.
+    found: Option<[u8; 32]>,
+}
+
+impl CacheFile {
+    /// The file in `folder` for the device with these properties, and the driver's data if there are sound ones.
+    pub(super) fn open(folder: &Path, device: &vk::PhysicalDeviceProperties, driver: &str) -> (Self, Vec<u8>) {
+        // The name says what a CPU's vectors are like; the version, which shaders there are.
+        let name = device.device_name_as_c_str().unwrap_or_default().to_string_lossy();
+        let key = format!(
+            "{} {name} {:x} {:x} {driver} {:x} {:x?}",
+            env!("CARGO_PKG_VERSION"),
+            device.vendor_id,
+            device.device_id,
+            device.driver_version,
+            device.pipeline_cache_uuid,
+        );
+        Self::of_key(folder, key)
+    }
+
+    fn of_key(folder: &Path, key: String) -> (Self, Vec<u8>) {
+        let short: String = Sha256::digest(&key).iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+        let mut file = Self { path: folder.join(format!("{PREFIX}{short}")), key, found: None };
+        let data = file.read().unwrap_or_default();
+        (file, data)
+    }
+
+    fn hash(&self, data: &[u8]) -> [u8; 32] {
+        Sha256::new().chain_update(&self.key).chain_update(data).finalize().into()
+    }
+
+    fn read(&mut self) -> Option<Vec<u8>> {
+        let file = fs::File::open(&self.path).ok()?;
+        let mut bytes = Vec::new();
+        let limit = (HEADER_BYTES + MAX_BYTES + 1) as u64;
+        file.take(limit).read_to_end(&mut bytes).ok()?;
+        let data = self.data_of(&bytes);
+        match data {
+            Some(_) => self.found = data.map(|data| self.hash(data)),
+            None => log::debug!("{}: damaged or foreign, ignored", self.path.display()),
+        }
+        data.map(<[u8]>::to_vec)
+    }
+
+    /// The driver's data in the bytes of a file, if everything about them is right.
+    fn data_of<'a>(&self, bytes: &'a [u8]) -> Option<&'a [u8]> {
+        let (header, data) = bytes.split_at_checked(HEADER_BYTES)?;
+        (data.len() <= MAX_BYTES && header == self.header(data)).then_some(data)
+    }
+
+    fn header(&self, data: &[u8]) -> Vec<u8> {
+        [&MAGIC[..], &(data.len() as u64).to_le_bytes(), &self.hash(data)].concat()
+    }
+
+    /// True if sound data were found.
+    pub(super) fn is_found(&self) -> bool {
+        self.found.is_some()
+    }
+
+    /// Replaces the file, unless it has these data already.
+    pub(super) fn write(&self, data: &[u8]) {
+        if self.found == Some(self.hash(data)) {
+            return;
+        }
+        if let Err(error) = self.try_write(data) {
+            log::debug!("{}: not written: {error}", self.path.display());
+        }
+    }
+
+    fn try_write(&self, data: &[u8]) -> std::io::Result<()> {
+        if data.len() > MAX_BYTES {
+            return fs::remove_file(&self.path);
+        }
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(folder)?;
+        // Under its name the file is whole, whoever else writes it. A power cut is what the hash is for.
+        let mut file = tempfile::Builder::new().prefix(PREFIX).suffix(".part").tempfile_in(folder)?;
+        file.write_all(&self.header(data))?;
+        file.write_all(data)?;
+        file.persist(&self.path)?;
+        remove_oldest(folder)
+    }
+}
+
+/// Removes what is more than `MAX_FILES` files, the oldest first.
+fn remove_oldest(folder: &Path) -> std::io::Result<()> {
+    let is_own = |entry: &fs::DirEntry| entry.file_name().to_string_lossy().starts_with(PREFIX);
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)?.filter_map(Result::ok).filter(is_own) {
+        files.push((entry.metadata()?.modified()?, entry.path()));
+    }
+    files.sort();
+    let excess = files.len().saturating_sub(MAX_FILES);
+    files[..excess].iter().try_for_each(|(_, path)| fs::remove_file(path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn open(folder: &Path, key: &str) -> (CacheFile, Vec<u8>) {
+        CacheFile::of_key(folder, key.into())
+    }
+
+    fn only_file(folder: &Path) -> PathBuf {
+        let files: Vec<_> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+        assert_eq!(files.len(), 1, "{files:?}");
+        files[0].clone()
+    }
+
+    const DATA: &[u8] = b"what a driver compiled";
+
+    #[test]
+    fn what_was_written_is_found_by_its_key_alone() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("made/when/needed");
+        let (file, data) = open(&folder, "a");
+        assert!(data.is_empty() && !file.is_found());
+        file.write(DATA);
+        let (file, data) = open(&folder, "a");
+        assert!(data == DATA && file.is_found());
+        assert!(open(&folder, "b").1.is_empty());
+        // Under another device's name it is foreign.
+        let other = open(&folder, "b").0;
+        fs::rename(only_file(&folder), &other.path).unwrap();
+        let (other, data) = open(&folder, "b");
+        assert!(data.is_empty() && !other.is_found());
+    }
+
+    #[test]
+    fn a_file_of_the_same_data_is_left_alone() {
+        let place = tempfile::tempdir().unwrap();
+        open(place.path(), "a").0.write(DATA);
+        let (file, _) = open(place.path(), "a");
+        fs::remove_file(&file.path).unwrap();
+        file.write(DATA);
+        assert!(!file.path.exists(), "written again");
+        file.write(b"more");
+        assert_eq!(open(place.path(), "a").1, b"more");
+    }
+
+    #[test]
+    fn damage_anywhere_is_noticed_and_mended() {
+        let place = tempfile::tempdir().unwrap();
+        open(place.path(), "a").0.write(DATA);
+        let path = only_file(place.path());
+        let sound = fs::read(&path).unwrap();
+        let is_refused = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            let (file, data) = open(place.path(), "a");
+            data.is_empty() && !file.is_found()
+        };
+        for length in 0..sound.len() {
+            assert!(is_refused(&sound[..length]), "cut to {length} bytes");
+        }
+        for bit in 0..8 * sound.len() {
+            let mut bytes = sound.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            assert!(is_refused(&bytes), "bit {bit}");
+        }
+        assert!(is_refused(&[&sound[..], &[0]].concat()), "a byte more");
+        open(place.path(), "a").0.write(DATA);
+        assert_eq!(fs::read(only_file(place.path())).unwrap(), sound);
+    }
+
+    #[test]
+    fn folder_and_files_stay_bounded() {
+        let place = tempfile::tempdir().unwrap();
+        for i in 0..MAX_FILES + 3 {
+            open(place.path(), &i.to_string()).0.write(DATA);
+        }
+        assert_eq!(fs::read_dir(place.path()).unwrap().count(), MAX_FILES);
+        let last = open(place.path(), &(MAX_FILES + 2).to_string());
+        assert!(last.0.is_found());
+        last.0.write(&vec![0; MAX_BYTES + 1]);
+        assert!(!last.0.path.exists(), "too large, and kept");
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_turns_it_off() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("file");
+        fs::write(&file, "").unwrap();
+        open(&file, "a").0.write(DATA);
+        assert_eq!(only_file(place.path()), file);
+    }
+
+    #[test]
+    fn the_folder_follows_the_environment() {
+        let dir = |own: Option<&str>, xdg: Option<&str>, home: Option<&str>| {
+            let variable = |name: &str| if name == "TYNDALL_CACHE_DIR" { own } else { xdg }.map(PathBuf::from);
+            cache_dir(variable, home.map(PathBuf::from)).map(|path| path.to_str().unwrap().to_owned())
+        };
+        assert_eq!(dir(Some("mine"), Some("/x"), Some("/h")).as_deref(), Some("mine"));
+        assert_eq!(dir(Some(""), Some("/x"), Some("/h")), None);
+        assert_eq!(dir(None, Some("/x"), Some("/h")).as_deref(), Some("/x/tyndall"));
+        assert_eq!(dir(None, Some("relative"), Some("/h")).as_deref(), Some("/h/.cache/tyndall"));
+        assert_eq!(dir(None, None, Some("/h")).as_deref(), Some("/h/.cache/tyndall"));
+        assert_eq!(dir(None, None, None), None);
+    }
+}
