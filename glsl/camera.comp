@@ -25,9 +25,15 @@ layout(constant_id = 4) const uint BACKGROUND = BACKGROUND_TRANSPARENT;
 layout(constant_id = 6) const bool PROJECTED = false;
 // Something in the medium emits.
 layout(constant_id = 7) const bool EMITS = false;
+// The light is stored for every eye, as A and B (project_deposit.comp).
+layout(constant_id = 9) const bool DIRECTED = false;
 
-// a = extinction.
+// rgb = light for this eye, or A; a = extinction.
 layout(set = 0, binding = 5) uniform sampler3D total;
+// rgb = B by component.
+layout(set = 0, binding = 9) uniform sampler3D total_x;
+layout(set = 0, binding = 10) uniform sampler3D total_y;
+layout(set = 0, binding = 11) uniform sampler3D total_z;
 // rgb = emitted source.
 layout(set = 0, binding = 8) uniform sampler3D emitted;
 layout(set = 0, binding = 6) uniform sampler3D scalar;
@@ -117,6 +123,10 @@ void main() {
         float scale = scene.max_extinction * stride;
         vec3 uvw = p / vec3(scene.dims);
         vec4 f = textureLod(total, uvw, 0.0);
+        if (DIRECTED) {
+            f.rgb -= textureLod(total_x, uvw, 0.0).rgb * direction.x + textureLod(total_y, uvw, 0.0).rgb * direction.y
+                + textureLod(total_z, uvw, 0.0).rgb * direction.z;
+        }
         float tau = f.a * scale;
         float passed = exp(-tau);
         vec3 source = PROJECTED ? f.a * f.rgb : f.rgb;
@@ -129,7 +139,7 @@ void main() {
         t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
         stride = ray.dt;
     }
-    // What is stored overshoots a little beside sharp edges; light is never negative.
+    // What is stored overshoots a little beside sharp edges, and two moments may leave less than nothing; light is never negative.
     radiance = max(radiance / scene.radiance_scale, 0.0);
     // Not 1 − `through`, which forgets thin media.
     float opacity = opacity_of_depth(depth);

@@ -6,8 +6,8 @@
 //
 // Radiance arrives from many directions; stored are its first two moments (DESIGN section 2, "Direction dependence"):
 //     source towards ω = σ (A + B·ω),  σ A = σ_s mean L,  σ B = 3 g σ_s mean(L ω_i),  ω_i and ω propagation directions,
-// per channel. For g = 0 B is zero and not stored, and A is what the eye sees. For g ≠ 0 the eye's share uses the true
-// phase function and has a sum of its own.
+// per channel. For g = 0 B is zero and not stored, and A is what the eye sees. For g ≠ 0 one eye's share uses the true
+// phase function and has a sum of its own; for every eye there are A and B.
 // Grid: one invocation per cell of a chunk of the list.
 #define LIST_BINDING 1
 #define SAMPLES_BINDING 3
@@ -18,10 +18,10 @@
 
 layout(local_size_x_id = 0) in;
 
-// g ≠ 0.
-layout(constant_id = 1) const bool ANISOTROPIC = false;
-// There is a next order, which needs the source.
-layout(constant_id = 2) const bool HAS_NEXT = false;
+// B is kept, beside A.
+layout(constant_id = 1) const bool MOMENTS = false;
+// The eye's share is kept; alone, where there is no B.
+layout(constant_id = 2) const bool EYE = false;
 
 layout(set = 0, binding = 4, rgba32f) uniform image3D sum_a;
 layout(set = 0, binding = 5, rgba32f) uniform image3D sum_x;
@@ -60,29 +60,29 @@ void main() {
         vec3 place = point_place(cell, s.point);
         vec3 light = corner_weight(upper_weight(cell, place), corner) * s.light;
         a += light;
-        if (ANISOTROPIC) {
+        if (MOMENTS) {
             x += light * s.travel.x;
             y += light * s.travel.y;
             z += light * s.travel.z;
+        }
+        if (EYE) {
             vec3 to_eye = direction_to_eye(position_of(cell, place));
             eye += light * (4.0 * PI * phase_hg(scene.g, dot(s.travel, to_eye)));
         }
     }
     float volume = cell.size.x * cell.size.y * cell.size.z;
-    // For g = 0 the eye sees A.
-    bool needs_a = HAS_NEXT;
-    if (ANISOTROPIC) {
+    bool needs_a = true;
+    if (EYE) {
+        needs_a = MOMENTS;
         if (is_seen != 0u) {
             imageStore(sum_eye, voxel, imageLoad(sum_eye, voxel) + vec4(eye * volume, 0.0));
         }
-        if (needs_a) {
-            float b = 3.0 * scene.g * volume;
-            imageStore(sum_x, voxel, imageLoad(sum_x, voxel) + vec4(x * b, 0.0));
-            imageStore(sum_y, voxel, imageLoad(sum_y, voxel) + vec4(y * b, 0.0));
-            imageStore(sum_z, voxel, imageLoad(sum_z, voxel) + vec4(z * b, 0.0));
-        }
-    } else {
-        needs_a = true;
+    }
+    if (MOMENTS) {
+        float b = 3.0 * scene.g * volume;
+        imageStore(sum_x, voxel, imageLoad(sum_x, voxel) + vec4(x * b, 0.0));
+        imageStore(sum_y, voxel, imageLoad(sum_y, voxel) + vec4(y * b, 0.0));
+        imageStore(sum_z, voxel, imageLoad(sum_z, voxel) + vec4(z * b, 0.0));
     }
     if (needs_a) {
         imageStore(sum_a, voxel, imageLoad(sum_a, voxel) + vec4(a * volume, 0.0));

@@ -12,8 +12,9 @@ use glam::{DVec3, Vec3, Vec4};
 use tyndall::cpu;
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::camera::{Camera, Content};
+use tyndall::passes::project::Source;
 use tyndall::scene::camera::{self, look_at};
-use tyndall::scene::{Background, Environment, Light, Model, Scene};
+use tyndall::scene::{Background, Environment, Light, LightFor, Model, Scene};
 use tyndall::vk::{Context, Recorder};
 use tyndall::volume::Grid;
 
@@ -41,7 +42,15 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
     let total = texture(ctx, &total_image);
 
     let is_lit = scene.settings.model == Model::Single;
-    let content = if is_lit { Content::Scattering } else { Content::Local };
+    let is_directed = scene.settings.light_for == LightFor::EveryView;
+    let content = match (is_lit, is_directed) {
+        (false, _) => Content::Local,
+        (true, false) => Content::Scattering,
+        (true, true) => Content::Directed,
+    };
+    let b_images = [22, 23, 24].map(|seed| image(ctx, "b", &bodies::random_light(p.dims, seed, -200.0, 200.0)));
+    let b = b_images.each_ref().map(|b| texture(ctx, b));
+    let source = Source { a: total_image, b: b_images };
     let pass = Camera::new(ctx, &setup.data, scene.background, STEP, samples, content).unwrap();
     let picture = Camera::picture(ctx, p.size).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
@@ -49,14 +58,15 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
         for begin in (0..p.size[1]).step_by(3) {
             let rows = begin..p.size[1].min(begin + 3);
             let (emptiness, emitted) = (&setup.emptiness.image, &setup.field);
-            pass.record(&mut rec, &setup.data, emptiness, &total_image, emitted, &picture, sample, rows);
+            pass.record(&mut rec, &setup.data, emptiness, &source, emitted, &picture, sample, rows);
         }
     }
     rec.submit_and_wait().unwrap();
     let got: Vec<Vec4> = ctx.read_back_image(&picture).unwrap();
     let lights = if is_lit { scene.lights.len().min(8) as u32 } else { 0 };
-    let emitted = is_lit.then_some(&field);
-    let expected = cpu::camera::camera(&setup.host, scene.background, &total, emitted, samples, STEP, lights);
+    let content =
+        cpu::camera::Content { total: &total, b: is_directed.then_some(&b), emitted: is_lit.then_some(&field) };
+    let expected = cpu::camera::camera(&setup.host, scene.background, content, samples, STEP, lights);
     assert_close(name, &got, &expected, ROUNDING, tolerance);
     got
 }
@@ -76,6 +86,8 @@ fn pictures_agree_with_the_twin() {
 #[test]
 fn lit_pictures_agree_with_the_twin() {
     gpu_test(|ctx| {
+        // Scenes in which B makes a difference.
+        let mut directed = 0;
         for (name, mut scene) in scenes() {
             scene.settings.model = Model::Single;
             for (samples, g) in cases(vec![(5, 0.6), (1, 0.0)]) {
@@ -86,9 +98,14 @@ fn lit_pictures_agree_with_the_twin() {
                 direction: camera::towards(f64::from(37 * i), f64::from(i - 20)),
                 irradiance: Vec3::new(0.1, 0.2, 0.3) * i as f32,
             };
+            scene.settings.light_for = LightFor::EveryView;
+            let got = check(ctx, &format!("{name}, light for every view"), &scene, 5);
+            scene.settings.light_for = LightFor::View;
+            directed += usize::from(got != check(ctx, &format!("{name}, light for one view"), &scene, 5));
             scene.lights.extend((0..11).map(around));
             check(ctx, &format!("{name}, 13 lights"), &scene, 3);
         }
+        assert!(directed > 0, "B is not seen");
     });
 }
 

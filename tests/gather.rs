@@ -22,7 +22,7 @@ use tyndall::passes::compact::Listed;
 use tyndall::passes::gather::{Gather, GatherConfig, Gathered as What};
 use tyndall::passes::project::{Kept, Projection, Scattering, Source};
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
-use tyndall::scene::{Environment, Sampling, Scene};
+use tyndall::scene::{Environment, LightFor, Sampling, Scene};
 use tyndall::shaders::constants;
 use tyndall::vk::{Access, Buffer, Context, Image, Recorder};
 use tyndall::volume::Grid;
@@ -86,7 +86,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     let proxy_config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
     let proxy = config.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
     let pass = Gather::new(ctx, &setup.data, config, CHUNK, what).unwrap();
-    let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true).unwrap();
+    let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true, LightFor::View).unwrap();
     let (list, cells) = setup.list(ctx, Listed::Cells);
     let (nodes, _) = setup.list(ctx, Listed::Nodes);
     let mut rec = Recorder::new(ctx).unwrap();
@@ -104,7 +104,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
         field: &setup.field,
         projection: &projection,
         args: &cell_args,
-        kept: if scene.g == 0.0 { Kept::Mean } else { Kept::Moments },
+        kept: if scene.g == 0.0 { Kept::Mean } else { Kept::MomentsAndEye },
     };
     for chunk in list.chunks() {
         pass.record(&mut rec, &scattering, &chunk, &args, proxy.as_ref(), &source, ORDER, light, true);

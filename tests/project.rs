@@ -15,6 +15,7 @@ use tyndall::cpu::project::{Cell, Sums};
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::compact::{List, Listed};
 use tyndall::passes::project::{Kept, Projection, Source, step_factors};
+use tyndall::scene::LightFor;
 use tyndall::vk::{Access, Context, Recorder};
 use tyndall::volume::Grid;
 
@@ -39,12 +40,13 @@ fn solve_beside(
 ) -> [Texture<Vec4>; 2] {
     let dims = setup.host.params.dims;
     let (nodes, _) = setup.list(ctx, Listed::Nodes);
-    let projection = Projection::new(ctx, &setup.data, CHUNK, steps, true).unwrap();
+    let projection = Projection::new(ctx, &setup.data, CHUNK, steps, true, LightFor::View).unwrap();
     let source = Source::new(ctx, dims, false).unwrap();
+    let small = Source::new(ctx, [1; 3], false).unwrap().b;
     let field = texture(ctx, &setup.field);
     let seen = field.texels.iter().map(|f| Vec4::new(1.0, 2.0, 3.0, f.w)).collect();
-    let total = image(ctx, "total", &Texture::new(dims, seen));
     let fixed = fixed.map(|texels| Source { a: image(ctx, "fixed", texels), ..source.clone() });
+    let total = Source { a: image(ctx, "total", &Texture::new(dims, seen)), b: small };
     let mut rec = Recorder::new(ctx).unwrap();
     source.clear(&mut rec);
     projection.record_clear_all(&mut rec);
@@ -56,7 +58,7 @@ fn solve_beside(
     let args = nodes.chunk_args(ctx, &mut rec, 1).unwrap();
     projection.record_solve(&mut rec, &setup.data, &nodes, &args, &source, fixed.as_ref(), &total, is_seen);
     rec.submit_and_wait().unwrap();
-    [texture(ctx, &source.a), texture(ctx, &total)]
+    [texture(ctx, &source.a), texture(ctx, &total.a)]
 }
 
 /// Samples of every cell at all its points: σ times `light` of the position, in grey.
@@ -194,8 +196,14 @@ fn deposits_are_those_of_the_twin() {
     gpu_test(|ctx| {
         let grid = Grid::axis_aligned([6, 5, 4], [1.0, 2.0, 0.5], [0.0; 3]);
         let mut scene = scene_of(grid, random_values(3, 120));
-        let all = vec![(0.7, Kept::Moments), (0.7, Kept::Eye), (0.7, Kept::Mean), (0.0, Kept::Mean)];
-        for (g, kept) in cases(all) {
+        let all = vec![
+            (0.7, Kept::MomentsAndEye, LightFor::View),
+            (0.7, Kept::Eye, LightFor::View),
+            (0.7, Kept::Mean, LightFor::View),
+            (0.7, Kept::Moments, LightFor::EveryView),
+            (0.0, Kept::Mean, LightFor::View),
+        ];
+        for (g, kept, light_for) in cases(all) {
             scene.g = g;
             let setup = Setup::new(ctx, &scene);
             let params = &setup.host.params;
@@ -205,7 +213,7 @@ fn deposits_are_those_of_the_twin() {
             for (i, sample) in samples.iter_mut().flatten().enumerate() {
                 sample.travel = Vec3::new((i % 7) as f32 - 3.0, (i % 3) as f32 - 1.0, 0.5).normalize().into();
             }
-            let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true).unwrap();
+            let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true, light_for).unwrap();
             let mut buffer = vec![ScatterSample { light: [0.0; 3], travel: [0.0; 3], point: 0 }; 8 * CHUNK as usize];
             for (item, samples) in samples.iter().enumerate() {
                 for (slot, sample) in samples.iter().enumerate() {
@@ -226,13 +234,13 @@ fn deposits_are_those_of_the_twin() {
             let mut expected = Sums::zero(params.dims);
             cpu::project::project_deposit(params, &cells, &samples, true, &mut expected);
             let [x, y, z] = &expected.b;
-            let moments = kept == Kept::Moments;
+            let moments = matches!(kept, Kept::Moments | Kept::MomentsAndEye);
             let used = [
                 ("A", &expected.a, kept != Kept::Eye),
                 ("Bx", x, moments),
                 ("By", y, moments),
                 ("Bz", z, moments),
-                ("eye", &expected.eye, kept != Kept::Mean),
+                ("eye", &expected.eye, matches!(kept, Kept::Eye | Kept::MomentsAndEye)),
             ];
             for ((what, expected, is_used), image) in used.into_iter().zip(projection.sums()) {
                 let got: Vec<Vec4> = ctx.read_back_image(image).unwrap();

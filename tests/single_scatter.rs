@@ -14,7 +14,7 @@ use tyndall::cpu;
 use tyndall::passes::compact::{List, Listed};
 use tyndall::passes::project::{Kept, Projection, Scattering};
 use tyndall::passes::single_scatter::SingleScatter;
-use tyndall::scene::{Environment, Light, Scene};
+use tyndall::scene::{Environment, Light, LightFor, Scene};
 use tyndall::shaders::constants;
 use tyndall::vk::{Access, Context, Recorder};
 use tyndall::volume::Grid;
@@ -61,7 +61,7 @@ fn deposit(ctx: &Context, setup: &Setup, pass: &SingleScatter, projection: &Proj
 fn run(ctx: &Context, setup: &Setup) -> ([Vec<Vec<ScatterSample>>; 2], Vec<u32>) {
     let (list, cells) = setup.list(ctx, Listed::Cells);
     let pass = SingleScatter::new(ctx, &setup.data, STEP).unwrap();
-    let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
+    let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true, LightFor::View).unwrap();
     let has_environment = setup.data.environment != constants::ENVIRONMENT_NONE;
     let directions = if has_environment { DIRECTIONS } else { 0 };
     let kinds = [(Kind::Lights, pass.light_rays(&setup.data)), (Kind::Environment, directions)];
@@ -172,7 +172,7 @@ fn many_lights_are_split_over_dispatches() {
         for step in [0.01, 0.5] {
             let pass = SingleScatter::new(ctx, &setup.data, step).unwrap();
             assert_eq!(pass.light_rays(&setup.data), 280);
-            let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true).unwrap();
+            let projection = Projection::new(ctx, &setup.data, bodies::CHUNK, 1, true, LightFor::View).unwrap();
             deposit(ctx, &setup, &pass, &projection, &list, Kind::Lights);
             let sums: Vec<Vec4> = ctx.read_back_image(&projection.sums()[0]).unwrap();
             // Steps of half a voxel see what steps of a hundredth see to some per cent.

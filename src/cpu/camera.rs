@@ -14,14 +14,23 @@ use glam::{Vec2, Vec3, Vec4};
 /// The camera's random-number stream.
 const STREAM: u32 = 0x4341_4D45;
 
+/// What there is to see.
+#[derive(Clone, Copy)]
+pub struct Content<'a> {
+    /// rgb = light, a = extinction.
+    pub total: &'a Texture<Vec4>,
+    /// B by component where `total` is A.
+    pub b: Option<&'a [Texture<Vec4>; 3]>,
+    /// The emitted source where `total` is projected light, else `None`.
+    pub emitted: Option<&'a Texture<Vec4>>,
+}
+
 /// The picture, row by row from the top: radiance premultiplied by alpha, and alpha. `lights_per_sample`: how many of
-/// the delta lights a sample visits; 0 where they are not seen. `emitted`: the emitted source where `total` is projected
-/// light, else `None`.
+/// the delta lights a sample visits; 0 where they are not seen.
 pub fn camera(
     scene: &HostScene,
     background: Background,
-    total: &Texture<Vec4>,
-    emitted: Option<&Texture<Vec4>>,
+    content: Content<'_>,
     samples: u32,
     step_voxels: f32,
     lights_per_sample: u32,
@@ -33,8 +42,7 @@ pub fn camera(
     };
     let coefficients = Texture::new(s.dims, scene.scalar.texels.iter().map(coefficients).collect());
     let lattice = lattice(samples);
-    let camera =
-        Camera { scene, background, total, emitted, coefficients, samples, lattice, step_voxels, lights_per_sample };
+    let camera = Camera { scene, background, content, coefficients, samples, lattice, step_voxels, lights_per_sample };
     let [width, height] = scene.params.size;
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
     pixels
@@ -48,8 +56,7 @@ pub fn camera(
 struct Camera<'a> {
     scene: &'a HostScene,
     background: Background,
-    total: &'a Texture<Vec4>,
-    emitted: Option<&'a Texture<Vec4>>,
+    content: Content<'a>,
     /// σ_s and σ_t of every voxel.
     coefficients: Texture<Vec4>,
     samples: u32,
@@ -81,12 +88,16 @@ impl Camera<'_> {
             if through <= LEAST_TRANSMITTANCE {
                 break;
             }
-            let f = self.total.sample(p);
+            let f = self.content.total.sample(p);
+            let mut light = f.truncate();
+            for (axis, b) in self.content.b.into_iter().flatten().enumerate() {
+                light -= b.sample(p).truncate() * direction[axis];
+            }
             let scale = s.max_extinction * stride;
             let tau = f.w * scale;
-            let source = match self.emitted {
-                Some(emitted) => f.w * f.truncate() + emitted.sample(p).truncate(),
-                None => f.truncate(),
+            let source = match self.content.emitted {
+                Some(emitted) => f.w * light + emitted.sample(p).truncate(),
+                None => light,
             };
             radiance += source * (through * scale * mean_transmittance(tau));
             through *= (-tau).exp();
@@ -116,7 +127,7 @@ impl Camera<'_> {
             if passed >= tau {
                 break;
             }
-            let sigma = self.total.sample(p).w * self.scene.params.max_extinction;
+            let sigma = self.content.total.sample(p).w * self.scene.params.max_extinction;
             at = if passed + sigma * stride >= tau { t + (tau - passed) / sigma } else { t + stride };
             passed += sigma * stride;
         }
@@ -133,7 +144,7 @@ impl Camera<'_> {
         for i in 0..visited {
             let light = &lights[((first + i * count / visited) % count) as usize];
             let light = light_at(s, light, world_from_index(s, p));
-            let t = transmittance(s, self.total, make_ray(s, p, -light.travel, self.step_voxels), light.reach);
+            let t = transmittance(s, self.content.total, make_ray(s, p, -light.travel, self.step_voxels), light.reach);
             sum += light.irradiance * (t * phase_hg(s.g, light.travel.dot(to_eye)));
         }
         self.albedo_at(p) * sum * (count as f32 / visited as f32)

@@ -1,5 +1,6 @@
 //! The camera (`glsl/camera.comp`): one ray per pixel and sample.
 
+use super::project::Source;
 use super::scene_data::SceneData;
 use super::{order_compute, ray_iterations};
 use crate::abi::CameraPush;
@@ -22,8 +23,10 @@ pub struct Camera {
 pub enum Content {
     /// The source that classification or local shading wrote.
     Local,
-    /// Projected light, emission, and delta lights by single scattering.
+    /// Projected light for the scene's eye, emission, and delta lights by single scattering.
     Scattering,
+    /// The same with light that is stored for every eye, as A and B.
+    Directed,
 }
 
 /// Delta lights that one sample visits at most.
@@ -88,7 +91,7 @@ impl Camera {
     ) -> Result<Self> {
         let longest = ray_iterations(scene.params.dims, step);
         // The camera ray, and where it is lit the ray again and one ray per light.
-        let is_scattering = content == Content::Scattering;
+        let is_scattering = content != Content::Local;
         let is_lit = is_scattering && scene.light_count > 0;
         let fixed = longest * if is_lit { 2 } else { 1 };
         let rays_left = (constants::MAX_ITERATIONS - constants::MAX_ITERATIONS / 10).saturating_sub(fixed) / longest;
@@ -107,6 +110,7 @@ impl Camera {
             ("LIT", is_lit.into()),
             ("PROJECTED", is_scattering.into()),
             ("EMITS", (is_scattering && scene.has_emission).into()),
+            ("DIRECTED", (content == Content::Directed).into()),
         ];
         let pipeline = Pipeline::new(ctx, &shaders::CAMERA, &specialization)?;
         Ok(Self { pipeline, step, samples, lattice: lattice(samples), lights_per_sample })
@@ -125,7 +129,7 @@ impl Camera {
         rec: &mut Recorder,
         scene: &SceneData,
         emptiness: &Image,
-        total: &Image,
+        total: &Source,
         emitted: &Image,
         picture: &Image,
         sample: u32,
@@ -151,7 +155,10 @@ impl Camera {
             ("transfer_block", scene.transfer.bind()),
             ("scalar", scene.scalar.sampled(Filter::Nearest)),
             ("lights", scene.lights.bind()),
-            ("total", total.sampled(Filter::Linear)),
+            ("total", total.a.sampled(Filter::Linear)),
+            ("total_x", total.b[0].sampled(Filter::Linear)),
+            ("total_y", total.b[1].sampled(Filter::Linear)),
+            ("total_z", total.b[2].sampled(Filter::Linear)),
             ("emitted", emitted.sampled(Filter::Linear)),
             ("emptiness", emptiness.sampled(Filter::Nearest)),
             ("environment_image", scene.environment_image.sampled(Filter::Nearest)),

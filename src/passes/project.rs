@@ -10,11 +10,12 @@ use super::scene_data::SceneData;
 use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
 use crate::Result;
 use crate::abi::{ProjectDepositPush, ProjectSolvePush, ScatterSample};
+use crate::scene::LightFor;
 use crate::shaders;
 use crate::vk::{Access, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
 use std::ops::Range;
 
-/// Source of one order: σ (A + B·ω), ω the propagation direction; B = 0 where g = 0.
+/// Source of one order, or of all that the eye sees: σ (A + B·ω), ω the propagation direction; B = 0 where g = 0.
 #[derive(Clone)]
 pub struct Source {
     /// rgb = A, a = extinction.
@@ -49,6 +50,8 @@ pub enum Kept {
     /// For g ≠ 0: the eye's share.
     Eye,
     /// For g ≠ 0: A, B, and the eye's share.
+    MomentsAndEye,
+    /// For g ≠ 0: A and B.
     Moments,
 }
 
@@ -94,10 +97,10 @@ impl Scattering<'_> {
 
 /// Right-hand sides, and everything else that a projection needs.
 pub struct Projection {
-    /// By [`Kept`].
-    deposit: Vec<Pipeline>,
+    deposit: Vec<(Kept, Pipeline)>,
     solve: Pipeline,
     is_anisotropic: bool,
+    light_for: LightFor,
     samples: Buffer<ScatterSample>,
     slots: u32,
     /// Of A, B by component, and the eye's share; single texels where g = 0 and they are not used.
@@ -128,35 +131,47 @@ pub fn step_factors(steps: u32) -> Vec<f32> {
 impl Projection {
     /// Makes pipelines and memory for chunks of `chunk_items` cells. `steps` of the solution, at least one, follow the first
     /// guess.
-    pub fn new(ctx: &Context, scene: &SceneData, chunk_items: u32, steps: u32, has_next: bool) -> Result<Self> {
+    pub fn new(
+        ctx: &Context,
+        scene: &SceneData,
+        chunk_items: u32,
+        steps: u32,
+        has_next: bool,
+        light_for: LightFor,
+    ) -> Result<Self> {
         let is_anisotropic = scene.params.g != 0.0;
-        let deposit = |kept: &Kept| {
+        let has_eye = is_anisotropic && light_for == LightFor::View;
+        let deposit = |&kept: &Kept| {
             let specialization = [
                 ("WORKGROUP", LIST_WORKGROUP),
-                ("ANISOTROPIC", (*kept != Kept::Mean).into()),
-                ("HAS_NEXT", (*kept == Kept::Moments).into()),
+                ("MOMENTS", matches!(kept, Kept::Moments | Kept::MomentsAndEye).into()),
+                ("EYE", matches!(kept, Kept::Eye | Kept::MomentsAndEye).into()),
             ];
-            Pipeline::new(ctx, &shaders::PROJECT_DEPOSIT, &specialization)
+            Ok((kept, Pipeline::new(ctx, &shaders::PROJECT_DEPOSIT, &specialization)?))
         };
-        let all = [Kept::Mean, Kept::Eye, Kept::Moments];
-        let used = if is_anisotropic { &all[..] } else { &all[..1] };
+        let used = match light_for {
+            _ if !is_anisotropic => &[Kept::Mean][..],
+            LightFor::View => &[Kept::Mean, Kept::Eye, Kept::MomentsAndEye],
+            LightFor::EveryView => &[Kept::Mean, Kept::Moments],
+        };
         let bytes = u64::from(chunk_items) * size_of::<ScatterSample>() as u64;
         let slots = (SAMPLES_BYTES / bytes).clamp(1, MAX_SLOTS) as u32;
         let dims = scene.params.dims;
         let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, ImageFormat::Rgba32Float);
-        let has_b = is_anisotropic && has_next;
+        let has_b = is_anisotropic && (has_next || !has_eye);
         Ok(Self {
             deposit: used.iter().map(deposit).collect::<Result<_>>()?,
             solve: Pipeline::new(ctx, &shaders::PROJECT_SOLVE, &[("WORKGROUP", LIST_WORKGROUP)])?,
             is_anisotropic,
+            light_for,
             samples: ctx.device_buffer("project.samples", (chunk_items * slots) as usize)?,
             slots,
             sums: [
-                sum("project.a", has_next || !is_anisotropic)?,
+                sum("project.a", has_next || !has_eye)?,
                 sum("project.x", has_b)?,
                 sum("project.y", has_b)?,
                 sum("project.z", has_b)?,
-                sum("project.eye", is_anisotropic)?,
+                sum("project.eye", has_eye)?,
             ],
             scratch: ctx.image_3d("project.scratch", dims, ImageFormat::Rgba16Float)?,
             factors: step_factors(steps),
@@ -178,9 +193,19 @@ impl Projection {
         &self.sums
     }
 
-    /// Does the eye see what [`Self::record_solve_eye`] finds, instead of A?
+    /// Does the eye see what [`Self::record_solve_eye`] finds, instead of the orders' sources?
     pub fn has_eye(&self) -> bool {
-        self.is_anisotropic
+        self.is_anisotropic && self.light_for == LightFor::View
+    }
+
+    /// What is kept of the samples of an order, the last one or not.
+    pub fn kept(&self, has_next: bool) -> Kept {
+        match (self.is_anisotropic, self.has_eye(), has_next) {
+            (false, ..) => Kept::Mean,
+            (true, false, _) => Kept::Moments,
+            (true, true, false) => Kept::Eye,
+            (true, true, true) => Kept::MomentsAndEye,
+        }
     }
 
     /// Empties scratch memory and all right-hand sides ([`Access::TransferWrite`]). Once, before the first order.
@@ -214,6 +239,8 @@ impl Projection {
         kept: Kept,
     ) {
         let [a, x, y, z, eye] = &self.sums;
+        let pipeline = self.deposit.iter().find(|(k, _)| *k == kept).map(|(_, pipeline)| pipeline);
+        let pipeline = pipeline.expect("a pipeline for what is kept");
         for corner in 0..8 {
             order_compute(rec);
             let push = ProjectDepositPush {
@@ -232,12 +259,12 @@ impl Projection {
                 ("sum_z", z.storage()),
                 ("sum_eye", eye.storage()),
             ];
-            chunk.dispatch(rec, &self.deposit[kept as usize], &binds, &push, args);
+            chunk.dispatch(rec, pipeline, &binds, &push, args);
         }
     }
 
     /// Solves for a source. `nodes` with its chunks' `args`; `total` has the extinction. `fixed`: light that enters the source
-    /// beside what is solved for. `is_seen`: A without it is added to `total`, for g = 0.
+    /// beside what is solved for. `is_seen`: what is solved for is added to `total`.
     ///
     /// Ordered after all compute accesses before; ends with `source` and `total` written by compute.
     #[allow(clippy::too_many_arguments, reason = "what is read and written is named one by one")]
@@ -249,19 +276,20 @@ impl Projection {
         args: &ChunkArgs,
         source: &Source,
         fixed: Option<&Source>,
-        total: &Image,
+        total: &Source,
         is_seen: bool,
     ) {
-        self.solve(rec, scene, nodes, args, &self.sums[0], &source.a, fixed.map(|f| &f.a), total, is_seen);
+        let (field, a) = (&total.a, fixed.map(|f| &f.a));
+        self.solve(rec, scene, nodes, args, &self.sums[0], &source.a, a, field, is_seen.then_some(field));
         if self.is_anisotropic {
             for (axis, b) in source.b.iter().enumerate() {
-                let fixed = fixed.map(|f| &f.b[axis]);
-                self.solve(rec, scene, nodes, args, &self.sums[1 + axis], b, fixed, total, false);
+                let (sums, fixed) = (&self.sums[1 + axis], fixed.map(|f| &f.b[axis]));
+                self.solve(rec, scene, nodes, args, sums, b, fixed, field, is_seen.then_some(&total.b[axis]));
             }
         }
     }
 
-    /// Solves for A alone, and writes it to `solution`; otherwise as [`Self::record_solve`].
+    /// Solves for A alone, and writes it to `solution`; `field` has the extinction. Ordered as [`Self::record_solve`].
     pub fn record_solve_mean(
         &self,
         rec: &mut Recorder,
@@ -269,12 +297,12 @@ impl Projection {
         nodes: &List,
         args: &ChunkArgs,
         solution: &Image,
-        total: &Image,
+        field: &Image,
     ) {
-        self.solve(rec, scene, nodes, args, &self.sums[0], solution, None, total, false);
+        self.solve(rec, scene, nodes, args, &self.sums[0], solution, None, field, None);
     }
 
-    /// For g ≠ 0, after the last order: adds what the eye sees to `total`. `source` is overwritten.
+    /// Where [`Self::has_eye`], after the last order: adds what the eye sees to `total`. `source` is overwritten.
     ///
     /// Ordered as [`Self::record_solve`].
     pub fn record_solve_eye(
@@ -286,7 +314,7 @@ impl Projection {
         source: &Source,
         total: &Image,
     ) {
-        self.solve(rec, scene, nodes, args, &self.sums[4], &source.a, None, total, true);
+        self.solve(rec, scene, nodes, args, &self.sums[4], &source.a, None, total, Some(total));
     }
 
     #[allow(clippy::too_many_arguments, reason = "what is read and written is named one by one")]
@@ -299,24 +327,24 @@ impl Projection {
         sums: &Image,
         solution: &Image,
         fixed: Option<&Image>,
-        total: &Image,
-        adds: bool,
+        field: &Image,
+        sum: Option<&Image>,
     ) {
         // The last step writes to `solution`.
         let last = self.factors.len();
         let target = |step: usize| if (last - step).is_multiple_of(2) { solution } else { &self.scratch };
         for step in 0..=last {
-            // Extinction is wherever the step before wrote, and in `total` from the beginning.
-            let before = if step == 0 { total } else { target(step - 1) };
+            // Extinction is wherever the step before wrote, and in `field` from the beginning.
+            let before = if step == 0 { field } else { target(step - 1) };
             // Only the last step, which is not the first, touches what it adds to.
-            let seen = if step == 0 { target(1) } else { total };
+            let seen = if step == 0 { target(1) } else { sum.unwrap_or(field) };
             for chunk in nodes.chunks() {
                 order_compute(rec);
                 let push = ProjectSolvePush {
                     chunk_begin: chunk.begin,
                     chunk_items: chunk.items,
                     is_first: (step == 0).into(),
-                    adds: (adds && step == last).into(),
+                    adds: (sum.is_some() && step == last).into(),
                     joins: (fixed.is_some() && step == last).into(),
                     factor: if step == 0 { 0.0 } else { self.factors[step - 1] },
                 };

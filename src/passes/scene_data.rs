@@ -3,7 +3,7 @@
 use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::cpu::classify::classify;
 use crate::scene::environment::EnvironmentTable;
-use crate::scene::{Background, Environment, Light, Model, OpacityUnit, Scene};
+use crate::scene::{Background, Camera, Environment, Light, Model, OpacityUnit, Scene};
 use crate::shaders::constants;
 use crate::vk::{Buffer, Context, Image, ImageFormat};
 use crate::{Error, Result};
@@ -31,6 +31,7 @@ pub struct SceneData {
     pub ambient: Vec3,
     /// Does anything in the medium emit?
     pub has_emission: bool,
+    origin: DVec3,
 }
 
 fn f3(v: DVec3) -> [f32; 3] {
@@ -108,16 +109,23 @@ fn radiance_bound(scene: &Scene, emitted: f32) -> f64 {
     }
 }
 
+/// `origin`: of positions on the GPU, world.
+fn set_eye(params: &mut SceneParams, camera: &Camera, origin: DVec3) {
+    let half_height = (camera.fov_degrees.to_radians() / 2.0).tan();
+    let [width, height] = params.size;
+    let half_width = half_height * f64::from(width) / f64::from(height);
+    params.eye = f3(camera.position - origin);
+    params.forward = f3(camera.forward);
+    params.right = f3(camera.right * half_width);
+    params.up = f3(camera.up * half_height);
+}
+
 /// The scene's numbers. `max_extinction` and `radiance_scale` follow from the data.
 pub fn params(scene: &Scene) -> SceneParams {
     let grid = &scene.volume.grid;
     let origin = origin(scene);
     let to_world = DAffine3::from_translation(-origin) * grid.index_to_world;
     let to_index = to_world.inverse();
-    let camera = &scene.camera;
-    let half_height = (camera.fov_degrees.to_radians() / 2.0).tan();
-    let [width, height] = scene.settings.size;
-    let half_width = half_height * f64::from(width) / f64::from(height);
     let environment = match &scene.environment {
         Some(Environment::Constant(radiance)) => *radiance,
         _ => Vec3::ZERO,
@@ -133,10 +141,10 @@ pub fn params(scene: &Scene) -> SceneParams {
         index_of_origin: f3(to_index.translation),
         dims: grid.dims,
         transfer_points: scene.transfer.points.len() as u32,
-        eye: f3(camera.position - origin),
-        forward: f3(camera.forward),
-        right: f3(camera.right * half_width),
-        up: f3(camera.up * half_height),
+        eye: [0.0; 3],
+        forward: [0.0; 3],
+        right: [0.0; 3],
+        up: [0.0; 3],
         size: scene.settings.size,
         unit_distance: match scene.transfer.opacity_unit {
             OpacityUnit::PerDistance(unit) => unit.unwrap_or(grid.mean_spacing()) as f32,
@@ -159,6 +167,7 @@ pub fn params(scene: &Scene) -> SceneParams {
         seed_low: scene.settings.seed as u32,
         seed_high: (scene.settings.seed >> 32) as u32,
     };
+    set_eye(&mut params, &scene.camera, origin);
     // Extinction is monotone between points, so its maximum is at one of them.
     let points = transfer_points(scene);
     let at_points = || points.iter().map(|p| classify(&params, &points, p.value));
@@ -233,12 +242,23 @@ impl SceneData {
             has_emission: scene.emission_scale > 0.0 && points.iter().any(|p| p.emission.iter().any(|&e| e > 0.0)),
             params,
             points,
+            origin: origin(scene),
         })
     }
 
     /// Changes the random numbers.
     pub fn set_seed(&mut self, ctx: &Context, seed: u64) -> Result<()> {
-        let changed = SceneParams { seed_low: seed as u32, seed_high: (seed >> 32) as u32, ..self.params };
+        self.change(ctx, SceneParams { seed_low: seed as u32, seed_high: (seed >> 32) as u32, ..self.params })
+    }
+
+    /// Moves the eye.
+    pub fn set_camera(&mut self, ctx: &Context, camera: &Camera) -> Result<()> {
+        let mut changed = self.params;
+        set_eye(&mut changed, camera, self.origin);
+        self.change(ctx, changed)
+    }
+
+    fn change(&mut self, ctx: &Context, changed: SceneParams) -> Result<()> {
         if bytemuck::bytes_of(&changed) != bytemuck::bytes_of(&self.params) {
             self.params = changed;
             self.block = ctx.upload("scene", &[changed])?;

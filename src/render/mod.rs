@@ -15,7 +15,7 @@ use crate::passes::scene_data::SceneData;
 use crate::passes::see::{self, See};
 use crate::passes::share_of;
 use crate::passes::single_scatter::SingleScatter;
-use crate::scene::{Model, Scene};
+use crate::scene::{self, LightFor, Model, Scene};
 use crate::shaders::constants;
 use crate::stats::{PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
 use crate::vk::{Access, Buffer, Context, Image, ImageFormat, Recorder, Submission, TimedPass};
@@ -66,7 +66,7 @@ pub fn render(
     Ok((picture, stats))
 }
 
-/// A scene set up on a device: renders any number of seeds without making anything anew.
+/// A scene set up on a device: renders any number of seeds and views without making anything anew.
 pub struct Renderer<'a> {
     ctx: &'a Context,
     orders: u32,
@@ -84,13 +84,21 @@ pub struct Renderer<'a> {
     marks: Marks,
     /// Where some cells get fewer directions.
     see: Option<See>,
+    /// The eyes that cells are hidden from; none: from that of the picture.
+    views: Vec<scene::Camera>,
+    eye: scene::Camera,
+    /// Does what is stored depend on the eye?
+    is_for_eye: bool,
+    /// Is everything there that the camera reads?
+    is_lit: bool,
     /// What the voxel passes work on: voxels for `phong`, cells for scattering.
     lists: Vec<Shared>,
     active: u64,
     emptiness: Emptiness,
     /// The emitted source; one texel where nothing that emits is scattered.
     emitted: Image,
-    total: Image,
+    /// What the camera reads.
+    total: Source,
     picture: Image,
     proxy_log: Buffer<u32>,
     times: Vec<TimedPass>,
@@ -164,7 +172,11 @@ impl<'a> Renderer<'a> {
         let emits = orders > 0 && data.has_emission;
         // What the camera sees of delta lights by single scattering is stored nowhere.
         let stores_light = orders > 1 || orders == 1 && (emits || data.environment != constants::ENVIRONMENT_NONE);
-        let is_shared = stores_light && s.hidden_share < 1.0;
+        let is_for_any = s.light_for == LightFor::EveryView;
+        let views = if is_for_any { scene.views.clone() } else { Vec::new() };
+        let is_shared = stores_light && s.hidden_share < 1.0 && !(is_for_any && views.is_empty());
+        let is_directed = stores_light && data.params.g != 0.0 && is_for_any;
+        let has_moments = stores_light && data.params.g != 0.0 && (orders > 1 || is_for_any);
         let listed = match s.model {
             Model::Phong => &[(Listed::Voxels, 1.0)][..],
             _ if is_shared => &[(Listed::SeenCells, 1.0), (Listed::HiddenCells, s.hidden_share)],
@@ -211,15 +223,20 @@ impl<'a> Renderer<'a> {
                 } else {
                     None
                 },
-                projection: Projection::new(ctx, &data, chunk, s.projection_steps, has_next)?,
+                projection: Projection::new(ctx, &data, chunk, s.projection_steps, has_next, s.light_for)?,
                 nodes: List::new(ctx, &data, Listed::Nodes, chunk, segment)?,
-                source: Source::new(ctx, dims, data.params.g != 0.0 && has_next)?,
+                source: Source::new(ctx, dims, has_moments)?,
                 fixed: if has_fixed { Some(Source::new(ctx, dims, data.params.g != 0.0)?) } else { None },
             })
         } else {
             None
         };
-        let content = if orders > 0 { Content::Scattering } else { Content::Local };
+        let content = match orders {
+            0 => Content::Local,
+            _ if is_directed => Content::Directed,
+            _ => Content::Scattering,
+        };
+        let has_eye = scatter.as_ref().is_some_and(|s| s.projection.has_eye());
         let emitted = if s.model == Model::Absorption { Emitted::Color } else { Emitted::Nothing };
         Ok(Self {
             ctx,
@@ -234,11 +251,15 @@ impl<'a> Renderer<'a> {
             scatter,
             marks: Marks::new(ctx, dims)?,
             see: if is_shared { Some(See::new(ctx)?) } else { None },
+            is_for_eye: s.model == Model::Phong || has_eye || is_shared && views.is_empty(),
+            views,
+            eye: scene.camera,
+            is_lit: false,
             lists,
             active: 0,
             emptiness: Classify::emptiness(ctx, dims)?,
             emitted: ctx.image_3d("emitted", if emits { dims } else { [1; 3] }, ImageFormat::Rgba16Float)?,
-            total: ctx.image_3d("total", dims, ImageFormat::Rgba16Float)?,
+            total: Source::new(ctx, dims, is_directed)?,
             picture: Camera::picture(ctx, s.size)?,
             proxy_log: ctx.device_buffer("proxy.log", (constants::PROXY_WORDS * orders.max(1)) as usize)?,
             data,
@@ -246,35 +267,61 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    /// Renders with the given seed.
+    /// Renders with the given seed; all light is computed anew.
     pub fn render(&mut self, seed: u64, progress: &mut dyn FnMut(Progress) -> ControlFlow<()>) -> Result<Picture> {
         self.data.set_seed(self.ctx, seed)?;
+        self.is_lit = false;
+        self.picture(progress)
+    }
+
+    /// Moves the eye for the next [`Self::picture`].
+    pub fn look(&mut self, eye: &scene::Camera) -> Result<()> {
+        self.data.set_camera(self.ctx, eye)?;
+        self.is_lit &= !self.is_for_eye || self.eye == *eye;
+        self.eye = *eye;
+        Ok(())
+    }
+
+    /// Takes a picture. Light is computed only if what is there already, of this seed, is not for this eye.
+    pub fn picture(&mut self, progress: &mut dyn FnMut(Progress) -> ControlFlow<()>) -> Result<Picture> {
         let mut queue = Queue::new(progress);
-        self.set_up(&mut queue)?;
-        queue.total = self.work();
+        let lights = !self.is_lit;
+        if lights {
+            self.light(&mut queue)?;
+        } else {
+            queue.total = self.camera_work();
+        }
+        self.take_picture(&mut queue)?;
+        queue.finish()?;
+        self.times = std::mem::take(&mut queue.times);
+        if lights && let Some(proxy) = self.proxy() {
+            proxy.check(self.ctx)?;
+        }
+        self.is_lit = true;
+        let pixels: Vec<[f32; 4]> = self.ctx.read_back_image(&self.picture)?;
+        let [width, height] = self.data.params.size;
+        Ok(Picture { width, height, pixels })
+    }
+
+    /// Everything before the camera.
+    fn light(&mut self, queue: &mut Queue<'_>) -> Result<()> {
+        self.set_up(queue)?;
+        queue.total = self.light_work() + self.camera_work();
         if let Some(phong) = &self.phong {
             let list = &self.lists[0].list;
             let mut rec = Recorder::new(self.ctx)?;
             let args = list.chunk_args(self.ctx, &mut rec, 1)?;
             rec.begin_pass("phong", 0);
             for chunk in list.chunks() {
-                phong.record(&mut rec, &self.data, &chunk, &args, &self.total);
+                phong.record(&mut rec, &self.data, &chunk, &args, &self.total.a);
             }
             rec.end_pass();
             queue.submit(rec, 0.0, "shading")?;
         }
-        if let Some(scatter) = &self.scatter {
-            self.scatter(scatter, &mut queue)?;
+        match &self.scatter {
+            Some(scatter) => self.scatter(scatter, queue),
+            None => Ok(()),
         }
-        self.take_picture(&mut queue)?;
-        queue.finish()?;
-        self.times = std::mem::take(&mut queue.times);
-        if let Some(proxy) = self.scatter.as_ref().and_then(|s| s.proxy.as_ref()) {
-            proxy.check(self.ctx)?;
-        }
-        let pixels: Vec<[f32; 4]> = self.ctx.read_back_image(&self.picture)?;
-        let [width, height] = self.data.params.size;
-        Ok(Picture { width, height, pixels })
     }
 
     /// Classification, empty-space structure, lists.
@@ -289,29 +336,37 @@ impl<'a> Renderer<'a> {
                 rec.clear_image(image);
             }
             scatter.projection.record_clear_all(&mut rec);
+            for b in &self.total.b {
+                rec.clear_image(b);
+            }
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         }
         rec.begin_pass("classify", 0);
-        self.classify.record(&mut rec, &self.data, &self.total);
+        self.classify.record(&mut rec, &self.data, &self.total.a);
         if let Some((_, classify)) = self.scatter.as_ref().and_then(|s| s.emission.as_ref()) {
             classify.record(&mut rec, &self.data, &self.emitted);
         }
-        self.classify.record_emptiness(&mut rec, &self.data, &self.total, &self.emptiness);
+        self.classify.record_emptiness(&mut rec, &self.data, &self.total.a, &self.emptiness);
         rec.end_pass();
         rec.begin_pass("compact", 0);
-        self.marks.record(&mut rec, &self.data, &self.total, &self.emptiness);
+        self.marks.record(&mut rec, &self.data, &self.total.a, &self.emptiness);
         rec.end_pass();
         if let Some(see) = &self.see {
             queue.submit(rec, 0.0, "classifying")?;
             let size = self.data.params.size;
             let rays = see::rays(self.data.params.dims, size);
-            for rows in self.bands(size.map(|n| n * rays)) {
-                let mut rec = Recorder::new(self.ctx)?;
-                rec.begin_pass("see", 0);
-                see.record(&mut rec, &self.data, &self.total, &self.emptiness.image, &self.marks, rows);
-                rec.end_pass();
-                queue.submit(rec, 0.0, "classifying")?;
+            let eyes = if self.views.is_empty() { std::slice::from_ref(&self.eye) } else { &self.views };
+            for eye in eyes {
+                self.data.set_camera(self.ctx, eye)?;
+                for rows in self.bands(size.map(|n| n * rays)) {
+                    let mut rec = Recorder::new(self.ctx)?;
+                    rec.begin_pass("see", 0);
+                    see.record(&mut rec, &self.data, &self.total.a, &self.emptiness.image, &self.marks, rows);
+                    rec.end_pass();
+                    queue.submit(rec, 0.0, "classifying")?;
+                }
             }
+            self.data.set_camera(self.ctx, &self.eye)?;
             rec = Recorder::new(self.ctx)?;
         }
         rec.begin_pass("compact", 0);
@@ -355,8 +410,8 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// Rough cost in traced rays, for the progress bar.
-    fn work(&self) -> f64 {
+    /// Rough cost of the light in traced rays, for the progress bar.
+    fn light_work(&self) -> f64 {
         let rays = |s: &Scatter, share: f32| {
             let first = f64::from(self.environment_rays(share)) + s.emission.as_ref().map_or(0.0, |e| e.0.rays(share));
             let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
@@ -368,11 +423,15 @@ impl<'a> Renderer<'a> {
         };
         let of_list = |s: &Scatter| self.lists.iter().map(|l| l.list.items() as f64 * rays(s, l.share)).sum();
         self.scatter.as_ref().map_or(0.0, of_list)
-            + self.camera_work() * f64::from(self.data.params.size[1] * self.samples)
     }
 
-    /// Of one row of pixels.
+    /// The camera's, in the same unit.
     fn camera_work(&self) -> f64 {
+        self.row_work() * f64::from(self.data.params.size[1] * self.samples)
+    }
+
+    /// Of one sample of a row of pixels.
+    fn row_work(&self) -> f64 {
         2.0 * f64::from(self.data.params.size[0])
     }
 
@@ -403,7 +462,7 @@ impl<'a> Renderer<'a> {
         queue.submit(rec, 0.0, "scattering")?;
 
         let has_next = self.orders > 1;
-        let first = self.kept(has_next);
+        let first = scatter.projection.kept(has_next);
         let single_lights = |queue: &mut Queue<'_>, kept: Kept, lights: Range<u32>| {
             let rays = f64::from(lights.len() as u32 * constants::LIGHT_POINTS);
             for cells in &groups {
@@ -437,7 +496,7 @@ impl<'a> Renderer<'a> {
             let mut rec = Recorder::new(ctx)?;
             rec.begin_pass("project", 1);
             let (projection, nodes) = (&scatter.projection, &scatter.nodes);
-            projection.record_solve_mean(&mut rec, data, nodes, &node_args, image, &self.total);
+            projection.record_solve_mean(&mut rec, data, nodes, &node_args, image, &self.total.a);
             projection.record_clear(&mut rec);
             rec.end_pass();
             queue.submit(rec, 0.0, "scattering")?;
@@ -493,7 +552,7 @@ impl<'a> Renderer<'a> {
                 queue.submit(rec, 0.0, "multiple scattering")?;
                 let is_last = order == self.orders;
                 for cells in &groups {
-                    let scattering = self.scattering(scatter, cells, self.kept(!is_last));
+                    let scattering = self.scattering(scatter, cells, scatter.projection.kept(!is_last));
                     let share = if is_last { cells.share } else { self.inner_share * cells.share };
                     if let Some((gather, images)) = &scatter.lights {
                         self.gather_lights(cells, queue, gather, images, &scattering, order)?;
@@ -517,7 +576,7 @@ impl<'a> Renderer<'a> {
             let mut rec = Recorder::new(ctx)?;
             rec.begin_pass("project", self.orders);
             let (projection, nodes) = (&scatter.projection, &scatter.nodes);
-            projection.record_solve_eye(&mut rec, data, nodes, &node_args, &scatter.source, &self.total);
+            projection.record_solve_eye(&mut rec, data, nodes, &node_args, &scatter.source, &self.total.a);
             rec.end_pass();
             queue.submit(rec, 0.0, "scattering")?;
         }
@@ -529,19 +588,10 @@ impl<'a> Renderer<'a> {
         Scattering {
             scene: &self.data,
             emptiness: &self.emptiness.image,
-            field: &self.total,
+            field: &self.total.a,
             projection: &scatter.projection,
             args: &cells.args,
             kept,
-        }
-    }
-
-    /// What is kept of an order's samples.
-    fn kept(&self, has_next: bool) -> Kept {
-        match (self.data.params.g != 0.0, has_next) {
-            (false, _) => Kept::Mean,
-            (true, false) => Kept::Eye,
-            (true, true) => Kept::Moments,
         }
     }
 
@@ -613,7 +663,7 @@ impl<'a> Renderer<'a> {
     fn take_picture(&self, queue: &mut Queue<'_>) -> Result<()> {
         for sample in 0..self.samples {
             for rows in self.bands(self.data.params.size) {
-                let work = self.camera_work() * rows.len() as f64;
+                let work = self.row_work() * rows.len() as f64;
                 let mut rec = Recorder::new(self.ctx)?;
                 rec.begin_pass("camera", 0);
                 let (total, emitted, picture) = (&self.total, &self.emitted, &self.picture);
@@ -628,6 +678,12 @@ impl<'a> Renderer<'a> {
     /// The proxy of the last order that built one, for tests.
     pub fn proxy(&self) -> Option<&Proxy> {
         self.scatter.as_ref()?.proxy.as_ref()
+    }
+
+    /// Cells that get all directions and such that get a share of them, of the latest render, for tests.
+    pub fn listed_cells(&self) -> (u64, u64) {
+        let of = |is_all: bool| self.lists.iter().filter(|l| (l.share == 1.0) == is_all).map(|l| l.list.items()).sum();
+        (of(true), of(false))
     }
 
     /// Active voxels of the latest render.

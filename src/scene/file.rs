@@ -4,7 +4,7 @@
 //! from the one below. Colours are as [`Rgb`] says; angles are in degrees; lengths in the volume's unit.
 
 use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis};
-use super::{Exposure, Model, Sampling, ToneCurve};
+use super::{Exposure, LightFor, Model, Sampling, ToneCurve};
 use crate::volume::ScalarType;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -255,6 +255,7 @@ table! {
         proxy_step: f64,
         projection_steps: u32,
         hidden_share: f64,
+        light_for: LightFor,
         defence: f64,
         mask: Mask,
         size: [u32; 2],

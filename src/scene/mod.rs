@@ -49,6 +49,16 @@ pub enum Sampling {
     Resample,
 }
 
+/// Which eye light is computed for (`single`, `multiple`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LightFor {
+    /// That of the picture.
+    View,
+    /// Any: a moving camera needs it once. For g ≠ 0 what the eye sees is less exact.
+    EveryView,
+}
+
 /// How a transfer function's `opacity` becomes an extinction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OpacityUnit {
@@ -190,6 +200,8 @@ pub struct Settings {
     pub environment_directions: u32,
     /// Share of their directions that cells get which the eye does not see, in (0, 1].
     pub hidden_share: f32,
+    /// Which eye light is computed for. For every view no cell is hidden, but for those that none of [`Scene::views`] sees.
+    pub light_for: LightFor,
     /// Step of camera rays in voxels.
     pub camera_step: f32,
     /// Step of gather and shadow rays in voxels.
@@ -226,6 +238,7 @@ impl Default for Settings {
             max_events: 100_000,
             environment_directions: 64,
             hidden_share: 0.25,
+            light_for: LightFor::View,
             camera_step: 0.5,
             gather_step: 1.0,
             proxy_step: 2.0,
@@ -262,6 +275,8 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// The camera.
     pub camera: Camera,
+    /// The cameras that light for every view is for, as far as they are known.
+    pub views: Vec<Camera>,
     /// What is seen behind the medium.
     pub background: Background,
     /// Knobs.

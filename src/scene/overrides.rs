@@ -2,7 +2,7 @@
 
 use super::file::{LightTable, RawEndian, RawTable, SceneFile};
 use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis, numbers};
-use super::{Model, Sampling, ToneCurve, presets};
+use super::{LightFor, Model, Sampling, ToneCurve, presets};
 use crate::volume::{RawLayout, ScalarType};
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
@@ -77,6 +77,10 @@ pub struct Overrides {
     /// Share of their directions that cells get which the eye does not see, greater than 0, at most 1 [default: 0.25]
     #[arg(long, value_name = "SHARE", help_heading = "Method")]
     pub hidden_share: Option<f64>,
+    /// Which eye the light is for; light for every view is computed once for a moving camera, and less exact for g ≠ 0
+    /// [default: view]
+    #[arg(long, value_name = "EYE", help_heading = "Method")]
+    pub light_for: Option<LightFor>,
     /// Step of camera rays in voxels, 0.1 to 8 [default: 0.5]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
     pub camera_step: Option<f64>,
@@ -295,6 +299,7 @@ impl Overrides {
         layer.render.max_events = self.max_events;
         layer.render.hidden_share = self.hidden_share;
         layer.render.inner_share = self.inner_share;
+        layer.render.light_for = self.light_for;
         layer.render.environment_directions = self.environment_directions;
         layer.render.camera_step = self.camera_step;
         layer.render.gather_step = self.gather_step;

@@ -42,6 +42,7 @@ pub fn homogeneous(grid: Grid, extinction: f64, albedo: Vec3) -> Scene {
     Scene {
         transfer: matter(extinction, albedo, Vec3::ZERO),
         camera: frame(&grid, &Framing::default(), PENCIL),
+        views: vec![],
         volume: Volume {
             name: "homogeneous".into(),
             grid,

@@ -76,6 +76,7 @@ pub fn scene_of(grid: Grid, values: Vec<f32>) -> Scene {
     Scene {
         transfer: transfer(&grid),
         camera: frame(&grid, &framing, size),
+        views: vec![],
         lights: vec![
             Light::Directional {
                 direction: DVec3::new(0.6, 0.5, -0.62).normalize(),
