@@ -100,6 +100,14 @@ pub enum Error {
         /// All checks.
         count: usize,
     },
+    /// Frames of a batch failed; each was named when it did.
+    #[error("{failed} of {count} frames failed\n  cure: see the warnings above; start again to render what is missing")]
+    Frames {
+        /// Frames that failed.
+        failed: usize,
+        /// All frames.
+        count: usize,
+    },
     /// A GPU pass found that its result cannot be trusted.
     #[error("pass '{pass}' reported a failure on the device: {problem}")]
     Device {

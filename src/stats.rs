@@ -1,7 +1,7 @@
 //! What a run measured: the JSON object of `--stats` (DESIGN section 6) and its table for people.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -96,6 +96,71 @@ pub struct ProxyStats {
     pub mask_used: [u8; 4],
 }
 
+/// A batch: the figures of the whole run, and of every frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct BatchStats {
+    /// Of all frames together.
+    #[serde(flatten)]
+    pub all: Stats,
+    /// By number.
+    pub frames: Vec<FrameStats>,
+}
+
+/// One frame of a batch.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrameStats {
+    /// Its number.
+    pub frame: u32,
+    /// Where its picture is.
+    pub file: PathBuf,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// GPU time of all its passes.
+    pub gpu_ms: f64,
+    /// GPU time of the pass `camera`.
+    pub camera_ms: f64,
+    /// Elapsed time, writing the file included.
+    pub wall_ms: f64,
+    /// GPU time per pass and iteration.
+    pub passes: Vec<PassStats>,
+}
+
+/// How a frame of a batch ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outcome {
+    /// Rendered and written.
+    Rendered,
+    /// It was there already.
+    Skipped,
+    /// Not written.
+    Failed,
+}
+
+impl FrameStats {
+    /// A frame of which these passes were needed.
+    pub fn new(frame: u32, file: PathBuf, outcome: Outcome, passes: Vec<PassStats>) -> Self {
+        let of = |is: fn(&&PassStats) -> bool| passes.iter().filter(is).map(|p| p.ms).sum();
+        let (gpu_ms, camera_ms) = (of(|_| true), of(|p| p.name == "camera"));
+        Self { frame, file, outcome, error: None, gpu_ms, camera_ms, wall_ms: 0.0, passes }
+    }
+}
+
+impl BatchStats {
+    /// The JSON object, indented, with a final line break.
+    pub fn to_json(&self) -> String {
+        to_json(self)
+    }
+
+    /// Writes the JSON object to a file, whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        crate::output::write_atomically(path, self.to_json().as_bytes())
+    }
+}
+
 /// A path-traced picture.
 #[derive(Clone, Debug, Serialize)]
 pub struct PathStats {
@@ -139,22 +204,30 @@ impl VolumeStats {
 
 /// Times by pass and iteration.
 pub fn pass_stats(times: &[TimedPass]) -> Vec<PassStats> {
-    let mut passes: Vec<PassStats> = Vec::new();
+    let of = |t: &TimedPass| PassStats {
+        name: t.name.to_owned(),
+        iteration: t.iteration,
+        dispatches: t.dispatches,
+        ms: t.ms,
+    };
+    let mut passes = Vec::new();
     for t in times {
-        match passes.iter_mut().find(|p| p.name == t.name && p.iteration == t.iteration) {
-            Some(p) => {
-                p.dispatches += t.dispatches;
-                p.ms += t.ms;
-            }
-            None => passes.push(PassStats {
-                name: t.name.to_owned(),
-                iteration: t.iteration,
-                dispatches: t.dispatches,
-                ms: t.ms,
-            }),
-        }
+        add_passes(&mut passes, &[of(t)]);
     }
     passes
+}
+
+/// Adds the times of `more` to those of the same pass and iteration.
+pub fn add_passes(passes: &mut Vec<PassStats>, more: &[PassStats]) {
+    for pass in more {
+        match passes.iter_mut().find(|p| p.name == pass.name && p.iteration == pass.iteration) {
+            Some(p) => {
+                p.dispatches += pass.dispatches;
+                p.ms += pass.ms;
+            }
+            None => passes.push(pass.clone()),
+        }
+    }
 }
 
 impl Stats {

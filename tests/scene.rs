@@ -11,8 +11,8 @@ use tyndall::scene::file::SceneFile;
 use tyndall::scene::transfer::{MAX_OPACITY, data_window};
 use tyndall::scene::values::UpAxis;
 use tyndall::scene::{
-    Background, Environment, Exposure, LatLong, Light, Model, OpacityUnit, Overrides, Sampling, Scene, ToneCurve,
-    TransferFunction, TransferPoint, load_scene, merge, presets, resolve,
+    Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Overrides, Sampling,
+    Scene, ToneCurve, TransferFunction, TransferPoint, load_scene, merge, presets, resolve,
 };
 use tyndall::volume::{Grid, Volume, VoxelData, active_fraction, phantom};
 
@@ -1034,4 +1034,63 @@ fn environment_images_that_are_refused() {
     assert_error(load("cut.exr"), 1, &["cut.exr", "cannot be decoded"]);
     let missing = load("missing.hdr").unwrap_err().to_string();
     assert!(missing.contains("missing.hdr: cannot open"), "{missing}");
+}
+
+/// The turntable: gone by an angle, the camera stands where framing at that azimuth would put it, and looks the same way; and
+/// the whole box stays in the picture all the way.
+#[test]
+fn turned_cameras_are_those_of_the_azimuth() {
+    let grid = Grid::axis_aligned([40, 10, 20], [1.0, 1.5, 0.5], [3.0, -7.0, 2.0]);
+    let size = [32, 20];
+    let turns: Vec<f64> = (0..12).map(|i| 30.0 * f64::from(i)).collect();
+    let framing = Framing { azimuth: 20.0, elevation: 25.0, roll: 10.0, ..Framing::default() };
+    let first = camera::frame_turning(&grid, &framing, size, &turns);
+    let alone = camera::frame(&grid, &framing, size);
+    assert_eq!(camera::frame_turning(&grid, &framing, size, &[0.0]), alone);
+    let centre = camera::centre(&grid);
+    let inside = |c: &Camera| {
+        let tan = (0.5 * c.fov_degrees).to_radians().tan();
+        camera::corners(&grid).iter().all(|corner| {
+            let d = *corner - c.position;
+            let (x, y, z) = (d.dot(c.right), d.dot(c.up), d.dot(c.forward));
+            z > 0.0 && y.abs() <= z * tan && x.abs() <= z * tan * 32.0 / 20.0
+        })
+    };
+    let mut leaves = 0;
+    for turn in turns {
+        let turned = first.turned(centre, turn);
+        let framed = camera::frame(&grid, &Framing { azimuth: 20.0 + turn, ..framing }, size);
+        for (a, b) in [(turned.forward, framed.forward), (turned.right, framed.right), (turned.up, framed.up)] {
+            assert!((a - b).length() < 1e-12, "{turn}: {a} {b}");
+        }
+        let distance = (turned.position - centre).length();
+        assert!((distance - (first.position - centre).length()).abs() < 1e-9, "{turn}: {distance}");
+        assert!(inside(&turned), "{turn}: a corner is out of the picture");
+        leaves += usize::from(!inside(&alone.turned(centre, turn)));
+    }
+    assert!(leaves > 0, "framing for the first view alone would do");
+}
+
+#[test]
+fn turntables_make_views_and_light_for_all_of_them() {
+    let scene = |toml: &str| scene_of(toml, &[]).unwrap();
+    let still = scene("");
+    assert!(still.views.is_empty() && still.settings.light_for == LightFor::View);
+    let turning = scene("[camera]\nazimuth = 0\nelevation = 0\n[turntable]\nframes = 4\ndegrees = -180\n");
+    assert_eq!((turning.views.len(), turning.settings.light_for), (4, LightFor::EveryView));
+    assert_eq!(turning.views[0], turning.camera);
+    // Clockwise by 45 degrees a frame, from the front to the patient's right.
+    let towards = |c: &Camera, azimuth: f64| (c.forward + camera::towards(azimuth, 0.0)).length() < 1e-9;
+    assert!((0..4).all(|i| towards(&turning.views[i], -45.0 * i as f64)), "{:?}", turning.views);
+    let view = scene("[turntable]\nframes = 4\n[render]\nlight_for = \"view\"\n");
+    assert_eq!((view.views.len(), view.settings.light_for), (4, LightFor::View));
+    // Flags cover the scene's.
+    let flags = scene_of("[turntable]\nframes = 4\n", &["--turntable", "6", "--turntable-degrees", "-90"]).unwrap();
+    assert_eq!(flags.views.len(), 6);
+    let gone = (flags.views[2].position - flags.views[0].position).length();
+    let distance = (flags.views[0].position - camera::centre(&flags.volume.grid)).truncate().length();
+    assert!((gone - 2.0 * distance * 15f64.to_radians().sin()).abs() < 1e-9, "{gone}");
+    // A camera that is placed keeps its place in the first frame.
+    let placed = scene("[turntable]\nframes = 2\n[camera]\nposition = [0.0, -50.0, 3.0]\n");
+    assert!((placed.camera.position - DVec3::new(0.0, -50.0, 3.0)).length() < 1e-9);
 }

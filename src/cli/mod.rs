@@ -1,5 +1,6 @@
 //! The command line: one file per command. A command returns what goes to stdout; `main` prints it.
 
+pub mod batch;
 pub mod compare;
 pub mod devices;
 pub mod inspect;
@@ -23,6 +24,7 @@ pub struct Cli {
 #[derive(clap::Subcommand, Debug)]
 enum Command {
     Render(Box<render::Args>),
+    Batch(Box<batch::Args>),
     Inspect(inspect::Args),
     Compare(compare::Args),
     Merge(merge::Args),
@@ -35,6 +37,7 @@ impl Cli {
     pub fn run(&self) -> Result<String> {
         match &self.command {
             Command::Render(args) => render::run(args),
+            Command::Batch(args) => batch::run(args),
             Command::Inspect(args) => inspect::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Merge(args) => merge::run(args),

@@ -26,11 +26,10 @@ pub struct Source {
 
 impl Source {
     /// Images for a source. Zeroed by [`Source::clear`], not here.
-    pub fn new(ctx: &Context, dims: [u32; 3], is_anisotropic: bool) -> Result<Self> {
+    pub fn new(ctx: &Context, name: &str, dims: [u32; 3], is_anisotropic: bool) -> Result<Self> {
         let small = if is_anisotropic { dims } else { [1; 3] };
-        let image = |name, dims| ctx.image_3d(name, dims, ImageFormat::Rgba16Float);
-        let b = [image("source.x", small)?, image("source.y", small)?, image("source.z", small)?];
-        Ok(Self { a: image("source.a", dims)?, b })
+        let image = |part, dims| ctx.image_3d(&format!("{name}.{part}"), dims, ImageFormat::Rgba16Float);
+        Ok(Self { a: image("a", dims)?, b: [image("x", small)?, image("y", small)?, image("z", small)?] })
     }
 
     /// Sets everything to zero ([`Access::TransferWrite`]).

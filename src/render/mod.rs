@@ -225,8 +225,8 @@ impl<'a> Renderer<'a> {
                 },
                 projection: Projection::new(ctx, &data, chunk, s.projection_steps, has_next, s.light_for)?,
                 nodes: List::new(ctx, &data, Listed::Nodes, chunk, segment)?,
-                source: Source::new(ctx, dims, has_moments)?,
-                fixed: if has_fixed { Some(Source::new(ctx, dims, data.params.g != 0.0)?) } else { None },
+                source: Source::new(ctx, "source", dims, has_moments)?,
+                fixed: if has_fixed { Some(Source::new(ctx, "fixed", dims, data.params.g != 0.0)?) } else { None },
             })
         } else {
             None
@@ -259,7 +259,7 @@ impl<'a> Renderer<'a> {
             active: 0,
             emptiness: Classify::emptiness(ctx, dims)?,
             emitted: ctx.image_3d("emitted", if emits { dims } else { [1; 3] }, ImageFormat::Rgba16Float)?,
-            total: Source::new(ctx, dims, is_directed)?,
+            total: Source::new(ctx, "total", dims, is_directed)?,
             picture: Camera::picture(ctx, s.size)?,
             proxy_log: ctx.device_buffer("proxy.log", (constants::PROXY_WORDS * orders.max(1)) as usize)?,
             data,

@@ -6,7 +6,7 @@
 
 use super::Camera;
 use crate::volume::Grid;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// Share of the picture's half width and half height that the framed box may fill.
 const MARGIN: f64 = 0.95;
@@ -54,6 +54,11 @@ pub fn corners(grid: &Grid) -> [DVec3; 8] {
 /// The camera that sees the whole box of voxel faces as large as a margin of 5 % allows, for a picture of
 /// `size` = [width, height] pixels (with `zoom` = 1).
 pub fn frame(grid: &Grid, framing: &Framing, size: [u32; 2]) -> Camera {
+    frame_turning(grid, framing, size, &[0.0])
+}
+
+/// The same that goes on seeing the whole box when it is [`turned`](Camera::turned) by any of `turns` (degrees).
+pub fn frame_turning(grid: &Grid, framing: &Framing, size: [u32; 2], turns: &[f64]) -> Camera {
     let (sa, ca) = framing.azimuth.to_radians().sin_cos();
     let (se, ce) = framing.elevation.to_radians().sin_cos();
     let (sr, cr) = framing.roll.to_radians().sin_cos();
@@ -66,12 +71,17 @@ pub fn frame(grid: &Grid, framing: &Framing, size: [u32; 2]) -> Camera {
 
     // A corner at (x, y, z) in camera axes about the box's centre is inside if |x − e| ≤ slope·(z + d) with the eye
     // at (e, −d). For each axis the two sides that bind most give the least d and its e.
-    let corners = corners(grid);
-    let centre = corners.iter().sum::<DVec3>() / 8.0;
+    let centre = centre(grid);
+    // About the centre. That the camera turns is that the box turns back.
+    let turned_back = |&turn: &f64| {
+        let back = DMat3::from_rotation_z(-turn.to_radians());
+        corners(grid).map(|corner| back * (corner - centre))
+    };
+    let corners: Vec<DVec3> = turns.iter().flat_map(turned_back).collect();
     let tan = (0.5 * framing.fov).to_radians().tan();
     let fit = |axis: DVec3, slope: f64| {
         let most = |sign: f64| {
-            let side = |c: &DVec3| sign * (*c - centre).dot(axis) - slope * (*c - centre).dot(forward);
+            let side = |c: &DVec3| sign * c.dot(axis) - slope * c.dot(forward);
             corners.iter().map(side).fold(f64::NEG_INFINITY, f64::max)
         };
         let (plus, minus) = (most(1.0), most(-1.0));
@@ -80,8 +90,8 @@ pub fn frame(grid: &Grid, framing: &Framing, size: [u32; 2]) -> Camera {
     let aspect = f64::from(size[0]) / f64::from(size[1]);
     let (distance_x, shift_x) = fit(right, MARGIN * tan * aspect);
     let (distance_y, shift_y) = fit(up, MARGIN * tan);
-    let nearest = corners.iter().map(|c| (*c - centre).dot(forward)).fold(f64::INFINITY, f64::min);
-    let least = NEAREST * (corners[0] - centre).length() - nearest;
+    let nearest = corners.iter().map(|c| c.dot(forward)).fold(f64::INFINITY, f64::min);
+    let least = NEAREST * corners[0].length() - nearest;
     let distance = distance_x.max(distance_y).max(least);
     let position = centre + right * shift_x + up * shift_y - forward * distance;
     let fov_degrees = 2.0 * (tan / framing.zoom).atan().to_degrees();
@@ -99,7 +109,24 @@ pub fn look_at(position: DVec3, target: DVec3, up: DVec3, fov_degrees: f64) -> C
     Camera { position, forward, right, up: right.cross(forward), fov_degrees }
 }
 
+/// Centre of the box of voxel faces, world.
+pub fn centre(grid: &Grid) -> DVec3 {
+    corners(grid).iter().sum::<DVec3>() / 8.0
+}
+
 impl Camera {
+    /// This camera gone around the vertical axis through `centre` by so many degrees, counter-clockwise seen from above.
+    pub fn turned(&self, centre: DVec3, degrees: f64) -> Self {
+        let turn = DMat3::from_rotation_z(degrees.to_radians());
+        Self {
+            position: centre + turn * (self.position - centre),
+            forward: turn * self.forward,
+            right: turn * self.right,
+            up: turn * self.up,
+            fov_degrees: self.fov_degrees,
+        }
+    }
+
     /// Unit direction of the ray through (`px`, `py`) of a picture of `size` = [width, height] pixels. Pixel i covers
     /// [i, i+1); row 0 is on top; (width/2, height/2) is the line of sight. Pixels are square.
     pub fn ray(&self, px: f64, py: f64, size: [u32; 2]) -> DVec3 {

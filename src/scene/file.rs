@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 
 /// Most camera rays per pixel: single precision counts them exactly.
 pub const MAX_SPP: u32 = 1 << 24;
+/// Most frames of a turntable.
+pub const MAX_FRAMES: u32 = 100_000;
 /// Largest scene or transfer function file that is read, in bytes.
 const MAX_TEXT_BYTES: u64 = 1 << 24;
 
@@ -56,6 +58,8 @@ pub struct SceneFile {
     pub environment: EnvironmentTable,
     /// `[camera]`
     pub camera: CameraTable,
+    /// `[turntable]`
+    pub turntable: TurntableTable,
     /// `[render]`
     pub render: RenderTable,
     /// `[output]`
@@ -235,6 +239,17 @@ table! {
         up: [f64; 3],
         /// Vertical field of view in [0.1, 179]; default 30.
         fov: f64,
+    }
+}
+
+table! {
+    /// Frames of a camera that goes around the vertical axis through the volume's centre, counter-clockwise seen from above.
+    /// Without `frames` it stands still.
+    TurntableTable {
+        /// Frames of the whole turn.
+        frames: u32,
+        /// The whole turn; default 360. Frame i has gone i / frames of it.
+        degrees: f64,
     }
 }
 
@@ -544,6 +559,20 @@ impl CameraTable {
     }
 }
 
+impl TurntableTable {
+    fn validate(&self) -> Check {
+        let frames = |n: &u32| (1..=MAX_FRAMES).contains(n);
+        check("turntable.frames", &self.frames, frames, &format!("a number from 1 to {MAX_FRAMES}"))?;
+        check("turntable.degrees", &self.degrees, finite, "a finite angle in degrees")
+    }
+
+    /// How far the camera has gone in each frame, degrees; nothing without frames.
+    pub fn turns(&self) -> Vec<f64> {
+        let (frames, degrees) = (self.frames.unwrap_or(0), self.degrees.unwrap_or(360.0));
+        (0..frames).map(|i| degrees * f64::from(i) / f64::from(frames)).collect()
+    }
+}
+
 impl RenderTable {
     fn validate(&self) -> Check {
         let up_to_1024 = |n: &u32| (1..=1024).contains(n);
@@ -609,6 +638,7 @@ impl SceneFile {
         }
         self.environment.validate()?;
         self.camera.validate()?;
+        self.turntable.validate()?;
         self.render.validate()?;
         let exposure_ok = |e: &ExposureValue| !matches!(e.0, Exposure::Stops(s) if !(-100.0..=100.0).contains(&s));
         check("output.exposure", &self.output.exposure, exposure_ok, "auto, or stops from -100 to 100")?;
@@ -634,6 +664,7 @@ impl SceneFile {
                 self.environment.over(below.environment)
             },
             camera: self.camera.lay_over(below.camera),
+            turntable: self.turntable.over(below.turntable),
             render: self.render.over(below.render),
             output: self.output.over(below.output),
         }

@@ -275,7 +275,7 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// The camera.
     pub camera: Camera,
-    /// The cameras that light for every view is for, as far as they are known.
+    /// The cameras of a turntable's frames, which light for every view is for; none where they are not known.
     pub views: Vec<Camera>,
     /// What is seen behind the medium.
     pub background: Background,

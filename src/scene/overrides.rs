@@ -78,7 +78,7 @@ pub struct Overrides {
     #[arg(long, value_name = "SHARE", help_heading = "Method")]
     pub hidden_share: Option<f64>,
     /// Which eye the light is for; light for every view is computed once for a moving camera, and less exact for g ≠ 0
-    /// [default: view]
+    /// [default: view, of a turntable every-view]
     #[arg(long, value_name = "EYE", help_heading = "Method")]
     pub light_for: Option<LightFor>,
     /// Step of camera rays in voxels, 0.1 to 8 [default: 0.5]
@@ -125,6 +125,13 @@ pub struct Overrides {
     /// Vertical field of view before the zoom, degrees from 0.1 to 179 [default: 30]
     #[arg(long, value_name = "DEGREES", help_heading = "Camera")]
     pub fov: Option<f64>,
+
+    /// Frames of a turn around the volume, of which render takes the first [default: none]
+    #[arg(long, value_name = "FRAMES", help_heading = "Camera")]
+    pub turntable: Option<u32>,
+    /// The whole turn, degrees, counter-clockwise seen from above [default: 360]
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, help_heading = "Camera")]
+    pub turntable_degrees: Option<f64>,
 
     /// Light, may be repeated; replaces the scene's: directional:AZIMUTH,ELEVATION,IRRADIANCE (degrees; where it comes
     /// from), point:X,Y,Z,INTENSITY (world), or none. The last number may be r,g,b
@@ -291,6 +298,9 @@ impl Overrides {
         layer.camera.zoom = self.zoom;
         layer.camera.fov = self.fov;
 
+        layer.turntable.frames = self.turntable;
+        layer.turntable.degrees = self.turntable_degrees;
+
         layer.render.model = self.model;
         layer.render.sampling = self.sampling;
         layer.render.candidates = self.candidates;
@@ -344,6 +354,8 @@ fn flag_of(field: &str) -> String {
         ["volume", "raw"] => "raw-size",
         ["volume", "raw", raw] => &format!("raw-{raw}"),
         ["transfer", "file"] => "transfer",
+        ["turntable", "frames"] => "turntable",
+        ["turntable", "degrees"] => "turntable-degrees",
         ["environment", ..] => "environment",
         [.., last] => last,
         [] => field,

@@ -5,7 +5,9 @@ use super::file::{CameraTable, RenderTable, TransferTable, ValueScale, VolumeTab
 use super::file::{EnvironmentTable, LightTable, MAX_SPP, OpacityConvention, RawEndian, SceneFile};
 use super::overrides::Overrides;
 use super::values::Rgb;
-use super::{Background, Camera, Environment, Exposure, LatLong, Light, Model, OpacityUnit, Sampling, Scene, Settings};
+use super::{
+    Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Sampling, Scene, Settings,
+};
 use super::{ToneCurve, TransferFunction, TransferPoint, UNLIMITED, presets};
 use crate::volume::{self, Grid, RawLayout, Volume};
 use crate::{Error, Result};
@@ -108,7 +110,11 @@ pub(super) fn raw_layout(table: &VolumeTable) -> Result<Option<RawLayout>> {
 
 /// The scene that layers from [`merge`] describe, for a volume that is already loaded.
 pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
-    let settings = settings(&layers.render, volume.grid.dims)?;
+    let turns = layers.turntable.turns();
+    let settings = settings(&layers.render, volume.grid.dims, turns.len())?;
+    let camera = camera(&layers.camera, &volume.grid, settings.size, &turns)?;
+    let centre = camera::centre(&volume.grid);
+    let views: Vec<_> = turns.iter().map(|&turn| camera.turned(centre, turn)).collect();
     let transfer = transfer_function(layers.transfer, &volume)?;
     let density_scale = layers.medium.density.unwrap_or(1.0);
     let mean_spacing = volume.grid.mean_spacing();
@@ -127,8 +133,8 @@ pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
         emission_scale: layers.medium.emission.unwrap_or(1.0) as f32,
         lights,
         environment: environment(&layers.environment)?,
-        views: Vec::new(),
-        camera: camera(&layers.camera, &volume.grid, settings.size)?,
+        camera: views.first().copied().unwrap_or(camera),
+        views,
         background: layers.background.map_or(Background::Environment, |b| b.0),
         settings,
         exposure: layers.output.exposure.map_or(Exposure::Auto, |e| e.0),
@@ -146,7 +152,7 @@ fn usual_spp(dims: [u32; 3], size: [u32; 2], per_voxel: u32) -> u32 {
     (f64::from(per_voxel) * voxels_per_pixel.max(1.0)).round().min(MOST) as u32
 }
 
-fn settings(table: &RenderTable, dims: [u32; 3]) -> Result<Settings> {
+fn settings(table: &RenderTable, dims: [u32; 3], views: usize) -> Result<Settings> {
     let default = Settings::default();
     let size = table.size.unwrap_or(default.size);
     let usual_spp = match table.model {
@@ -169,7 +175,7 @@ fn settings(table: &RenderTable, dims: [u32; 3]) -> Result<Settings> {
         proxy_step: step(table.proxy_step, default.proxy_step),
         projection_steps: table.projection_steps.unwrap_or(default.projection_steps),
         hidden_share: step(table.hidden_share, default.hidden_share),
-        light_for: table.light_for.unwrap_or(default.light_for),
+        light_for: table.light_for.unwrap_or(if views > 1 { LightFor::EveryView } else { default.light_for }),
         defence: step(table.defence, default.defence),
         mask: table.mask.map_or(default.mask, |m| m.0),
         size,
@@ -278,7 +284,7 @@ fn environment(table: &EnvironmentTable) -> Result<Option<Environment>> {
     Ok((radiance != Vec3::ZERO).then_some(Environment::Constant(radiance)))
 }
 
-fn camera(table: &CameraTable, grid: &Grid, size: [u32; 2]) -> Result<Camera> {
+fn camera(table: &CameraTable, grid: &Grid, size: [u32; 2], turns: &[f64]) -> Result<Camera> {
     let default = Framing::default();
     let fov = table.fov.unwrap_or(default.fov);
     if let Some(position) = table.position {
@@ -303,5 +309,9 @@ fn camera(table: &CameraTable, grid: &Grid, size: [u32; 2]) -> Result<Camera> {
         zoom: table.zoom.unwrap_or(default.zoom),
         fov,
     };
-    Ok(camera::frame(grid, &framing, size))
+    Ok(if turns.is_empty() {
+        camera::frame(grid, &framing, size)
+    } else {
+        camera::frame_turning(grid, &framing, size, turns)
+    })
 }

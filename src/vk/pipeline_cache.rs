@@ -206,6 +206,26 @@ mod tests {
     }
 
     #[test]
+    fn writers_at_once_leave_whole_files() {
+        let place = tempfile::tempdir().unwrap();
+        open(place.path(), "a").0.write(DATA);
+        std::thread::scope(|scope| {
+            for writer in 0..4u8 {
+                let folder = place.path();
+                scope.spawn(move || {
+                    for i in 0..50 {
+                        let (file, _) = open(folder, "a");
+                        assert!(file.is_found(), "writer {writer}, turn {i}: a broken file");
+                        file.write(&vec![writer; 1000 + i]);
+                    }
+                });
+            }
+        });
+        assert!(open(place.path(), "a").0.is_found());
+        only_file(place.path());
+    }
+
+    #[test]
     fn folder_and_files_stay_bounded() {
         let place = tempfile::tempdir().unwrap();
         for i in 0..MAX_FILES + 3 {
