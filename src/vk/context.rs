@@ -55,7 +55,7 @@ pub struct PipelineStats {
     pub made: u32,
     /// Those of them that the driver took from the cache on disk.
     pub cached: u32,
-    /// Time that making them took [ms].
+    /// Time that making them took, in milliseconds.
     pub ms: f64,
 }
 
