@@ -8,6 +8,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(set = 0, binding = 1) uniform sampler3D field;
+// As octants.comp wrote it.
 layout(set = 0, binding = 2) uniform usampler3D emptiness;
 // Bits 1 << LISTED_*; one texel more along every axis than the volume has voxels.
 layout(set = 0, binding = 3, r32ui) writeonly uniform uimage3D marks;
@@ -18,9 +19,11 @@ void main() {
     ivec3 at = ivec3(gl_GlobalInvocationID);
     bool exists = all(lessThanEqual(at, ivec3(scene.dims)));
     uint bits = 0u;
-    // Where even the neighbours of a macrocell are empty, nothing about its voxels has extinction.
-    ivec3 macrocell = min(at, ivec3(scene.dims) - 1) / int(CELL_SIZE);
-    if (exists && texelFetch(emptiness, macrocell, 0).r < 2u) {
+    // Where even the neighbours of a macrocell are empty, two cells into every octant, nothing about its voxels has extinction.
+    ivec3 macrocell = min(at, ivec3(scene.dims) - 1) / int(SKIP_SIZE);
+    uint word = texelFetch(emptiness, macrocell, 0).r;
+    bool is_far = ((word >> 1u | word >> 2u | word >> 3u) & 0x11111111u) == 0x11111111u;
+    if (exists && !is_far) {
         for (uint n = 0u; n < 27u; n++) {
             ivec3 offset = ivec3(n % 3u, n / 3u % 3u, n / 9u) - 1;
             ivec3 voxel = at + offset;

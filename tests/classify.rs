@@ -1,4 +1,4 @@
-//! Classification and the distances that rays skip by, against their CPU twins.
+//! Classification against its CPU twin.
 
 #[path = "common/bodies.rs"]
 mod bodies;
@@ -8,10 +8,7 @@ mod data;
 
 use bodies::{Setup, assert_close, cases, scene_of, scenes, texture};
 use common::gpu_test;
-use data::assert_same;
-use glam::Vec4;
-use tyndall::cpu::texture::Texture;
-use tyndall::cpu::{classify, emptiness};
+use tyndall::cpu::classify;
 use tyndall::passes::classify::{Classify, Emitted};
 use tyndall::passes::compact::Listed;
 use tyndall::scene::{OpacityUnit, Scene};
@@ -77,59 +74,5 @@ fn steps_and_scalars_that_are_no_numbers() {
         assert!(step > 0.2 && step < 0.25, "2 of 9: {alpha:?}");
         assert_eq!(alpha, [0.0, 1.0, 0.0, step, 0.0, 0.0]);
         assert_eq!(setup.list(ctx, Listed::Voxels).1, [1, 3]);
-    });
-}
-
-#[test]
-fn distances_agree_with_the_twin() {
-    gpu_test(|ctx| {
-        for (name, scene) in scenes() {
-            let setup = Setup::new(ctx, &scene);
-            let field = texture(ctx, &setup.field);
-            let expected = emptiness::distance(&emptiness::occupancy(&setup.host.params, &field));
-            let got: Vec<u32> = ctx.read_back_image(&setup.emptiness.image).unwrap();
-            assert_same(name, &got, &expected.texels);
-        }
-    });
-}
-
-/// By hand: a line of cells with one occupied voxel. Interpolation carries it into the neighbour cell only from the
-/// cell's edge. Distances stop at the limit.
-#[test]
-fn distances_by_hand() {
-    gpu_test(|ctx| {
-        let distances = |voxels: u32, occupied: usize| {
-            let mut values = vec![0.0; voxels as usize];
-            values[occupied] = 0.9;
-            let grid = Grid::axis_aligned([voxels, 1, 1], [1.0; 3], [0.0; 3]);
-            let setup = Setup::new(ctx, &scene_of(grid, values));
-            ctx.read_back_image::<u32>(&setup.emptiness.image).unwrap()
-        };
-        assert_eq!(distances(45, 20), [2, 1, 0, 1, 2, 3]);
-        assert_eq!(distances(45, 16), [1, 0, 0, 1, 2, 3]);
-        assert_eq!(distances(45, 23), [2, 1, 0, 0, 1, 2]);
-        let long = distances(320, 0);
-        assert_eq!(long[30..35], [30, 31, 32, 32, 32]);
-        assert_eq!(long[39], 32);
-    });
-}
-
-/// The distance is right for rays: every sample between a cell and the reach of its distance is empty.
-#[test]
-fn nothing_is_skipped_that_holds_extinction() {
-    gpu_test(|ctx| {
-        for (name, scene) in scenes() {
-            let setup = Setup::new(ctx, &scene);
-            let field = texture(ctx, &setup.field);
-            let cells: Vec<u32> = ctx.read_back_image(&setup.emptiness.image).unwrap();
-            let distances = Texture::new(setup.emptiness.image.extent(), cells);
-            for i in 0..field.texels.len() as u32 {
-                let voxel = tyndall::cpu::scene::voxel_from_linear(&setup.host.params, i);
-                if distances.fetch(voxel / 8) > 0 {
-                    let corners = [0.02f32, 0.5, 0.98].map(|f| field.sample(voxel.as_vec3() + f));
-                    assert!(corners.iter().all(|c: &Vec4| c.w == 0.0), "{name}: extinction near {voxel}");
-                }
-            }
-        }
     });
 }

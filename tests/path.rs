@@ -19,6 +19,7 @@ use tyndall::cpu::texture::Texture;
 use tyndall::passes::path::PathConfig;
 use tyndall::render::path::PathRender;
 use tyndall::scene::{Background, Environment, Light, Model, Scene, UNLIMITED};
+use tyndall::shaders::constants::CELL_SIZE;
 use tyndall::vk::Context;
 use tyndall::{cpu, render};
 
@@ -34,7 +35,7 @@ fn check(ctx: &Context, name: &str, scene: &Scene) {
     let extinction = cpu::path::extinction(&host);
     // The occupancy's twin reads a field's fourth component.
     let field = extinction.texels.iter().map(|&e| Vec4::splat(e)).collect();
-    let occupancy = cpu::emptiness::occupancy(&host.params, &Texture::new(host.params.dims, field));
+    let occupancy = cpu::emptiness::occupancy(&host.params, &Texture::new(host.params.dims, field), CELL_SIZE);
     let majorants = cpu::path::majorant(&extinction, &cpu::emptiness::distance(&occupancy));
     let close = |got: &[f32], expected: &[f32], what: &str| {
         let is_wrong = |(a, b): (&f32, &f32)| (a - b).abs() > 1e-5 * b.abs();

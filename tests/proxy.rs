@@ -15,8 +15,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tyndall::abi::SceneParams;
 use tyndall::cpu;
-use tyndall::passes::classify::{Classify, Emitted, Emptiness};
 use tyndall::passes::compact::{List, Listed, Marks};
+use tyndall::passes::emptiness::Emptiness;
 use tyndall::passes::lookback::Report;
 use tyndall::passes::proxy::{Proxy, ProxyConfig, ProxyContents, mask_word};
 use tyndall::passes::scene_data::SceneData;
@@ -47,7 +47,7 @@ fn scene_of_size(dims: [u32; 3]) -> Scene {
 /// A proxy on the device and the field it is built from.
 struct Bench {
     data: SceneData,
-    emptiness: (Classify, Emptiness),
+    emptiness: Emptiness,
     marks: Marks,
     list: List,
     field: Image,
@@ -61,7 +61,7 @@ impl Bench {
             // Chunks so small that every test has several.
             list: List::new(ctx, &data, Listed::Nodes, 1024, None).unwrap(),
             marks: Marks::new(ctx, dims).unwrap(),
-            emptiness: (Classify::new(ctx, Emitted::Nothing).unwrap(), Classify::emptiness(ctx, dims).unwrap()),
+            emptiness: Emptiness::for_rays(ctx, dims).unwrap(),
             field: ctx.image_3d("field", dims, ImageFormat::Rgba16Float).unwrap(),
             proxy: Proxy::new(ctx, &data, config).unwrap(),
             data,
@@ -75,9 +75,8 @@ impl Bench {
         let layers = |z: std::ops::Range<u32>| texels[z.start as usize * layer..z.end as usize * layer].to_vec();
         ctx.upload_image(&self.field, layers).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
-        let (classify, emptiness) = &self.emptiness;
-        classify.record_emptiness(&mut rec, &self.data, &self.field, emptiness);
-        self.marks.record(&mut rec, &self.data, &self.field, emptiness);
+        self.emptiness.record(&mut rec, &self.data, &self.field);
+        self.marks.record(&mut rec, &self.data, &self.field, &self.emptiness);
         self.list.record(&mut rec, &self.data, &self.marks);
         let args = self.list.chunk_args(ctx, &mut rec, 1).unwrap();
         self.proxy.record_clear(&mut rec);

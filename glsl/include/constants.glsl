@@ -43,8 +43,10 @@ const uint RADIX_DIGITS = 256u;
 // Most passes of a radix sort: all bits of a u32. Also the words of its `status` before the rows, a ticket each.
 const uint RADIX_PASSES = 4u;
 
-// Voxels along the edge of a macrocell.
+// Voxels along the edge of a macrocell of the path tracer.
 const uint CELL_SIZE = 8u;
+// Voxels along the edge of a macrocell of the rays that march: the fastest measured (docs/proxy.md).
+const uint SKIP_SIZE = 4u;
 // Word of a list's header: the number of items in the list.
 const uint LIST_COUNT = 0u;
 // LISTED: voxels with extinction.
@@ -72,8 +74,12 @@ const uint EMITTED_EMISSION = 1u;
 // EMITTED: the transfer function's colour is the source function.
 const uint EMITTED_COLOR = 2u;
 
-// Largest distance to an occupied macrocell that rays make use of, in cells.
+// Largest distance to an occupied macrocell that paths make use of, in cells.
 const uint MAX_EMPTINESS = 32u;
+// Largest distance by octant, in cells: all bits of its OCTANT_BITS.
+const uint MAX_OCTANT = 15u;
+// Bits of a distance by octant.
+const uint OCTANT_BITS = 4u;
 // Length of the first step of a ray that starts in the medium, and by how much the next ones are longer, in whole steps.
 const float NEAR_STEP = 0.25;
 // Stands for NaN in the scalars: such voxels are empty.

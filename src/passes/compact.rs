@@ -4,7 +4,8 @@
 //! A volume may have more voxels than one storage buffer holds words, so a list is split: each segment lists a range of
 //! linear indices.
 
-use super::classify::{Emptiness, voxel_grid};
+use super::classify::voxel_grid;
+use super::emptiness::Emptiness;
 use super::lookback::{self, Diagnostics};
 use super::scene_data::SceneData;
 use super::{LIST_WORKGROUP, order_compute};

@@ -5,6 +5,7 @@
 pub mod camera;
 pub mod classify;
 pub mod compact;
+pub mod emptiness;
 pub mod gather;
 pub mod lookback;
 pub mod path;

@@ -1,6 +1,7 @@
 //! The path tracer (`glsl/path.comp`), and what it flies through (`glsl/extinction.comp`, `glsl/majorant.comp`).
 
-use super::classify::{Classify, Emptiness, cells, voxel_grid};
+use super::classify::voxel_grid;
+use super::emptiness::{Emptiness, cells};
 use super::order_compute;
 use super::scene_data::SceneData;
 use crate::Result;
@@ -67,7 +68,7 @@ impl PathTracer {
             majorant_pipeline: Pipeline::new(ctx, &shaders::MAJORANT, &[])?,
             pipeline: Pipeline::new(ctx, &shaders::PATH, &specialization)?,
             extinction: ctx.image_3d("path.extinction", p.dims, ImageFormat::R32Float)?,
-            majorants: ctx.image_3d("path.majorants", cells(p.dims), ImageFormat::R32Float)?,
+            majorants: ctx.image_3d("path.majorants", cells(p.dims, constants::CELL_SIZE), ImageFormat::R32Float)?,
             paths: ctx.device_buffer("path.states", band_pixels as usize)?,
             tally: ctx.device_buffer("path.tally", constants::TALLY_WORDS as usize)?,
             sums: [image("path.sums")?, image("path.sums.low")?, image("path.squares")?, image("path.squares.low")?],
@@ -93,7 +94,7 @@ impl PathTracer {
 
     /// Extinction, empty space and majorants of the scene; sums of zero; `tally` gets the
     /// number of active voxels. For new images only: ordered after nothing.
-    pub fn record_set_up(&self, rec: &mut Recorder, scene: &SceneData, classify: &Classify, emptiness: &Emptiness) {
+    pub fn record_set_up(&self, rec: &mut Recorder, scene: &SceneData, emptiness: &Emptiness) {
         self.record_clear(rec);
         rec.fill(&self.tally, 0);
         rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
@@ -105,7 +106,7 @@ impl PathTracer {
             ("tally", self.tally.bind()),
         ];
         rec.dispatch(&self.extinction_pipeline, &binds, &(), voxel_grid(scene.params.dims));
-        classify.record_emptiness(rec, scene, &self.extinction, emptiness);
+        emptiness.record(rec, scene, &self.extinction);
         order_compute(rec);
         let binds = [
             ("scene_block", scene.block.bind()),
@@ -113,7 +114,12 @@ impl PathTracer {
             ("emptiness", emptiness.image.sampled(Filter::Nearest)),
             ("majorants", self.majorants.storage()),
         ];
-        rec.dispatch(&self.majorant_pipeline, &binds, &(), cells(scene.params.dims).map(|c| c.div_ceil(4)));
+        rec.dispatch(
+            &self.majorant_pipeline,
+            &binds,
+            &(),
+            cells(scene.params.dims, constants::CELL_SIZE).map(|c| c.div_ceil(4)),
+        );
     }
 
     /// Sets the sums to zero ([`Access::TransferWrite`]).

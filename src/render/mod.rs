@@ -5,8 +5,9 @@ pub mod state;
 
 use crate::output::Picture;
 use crate::passes::camera::{Camera, Content};
-use crate::passes::classify::{Classify, Emitted, Emptiness};
+use crate::passes::classify::{Classify, Emitted};
 use crate::passes::compact::{Chunk, ChunkArgs, List, Listed, Marks};
+use crate::passes::emptiness::Emptiness;
 use crate::passes::gather::{Gather, GatherArgs, GatherConfig, Gathered};
 use crate::passes::phong::Phong;
 use crate::passes::project::{Kept, Projection, Scattering, Source};
@@ -257,7 +258,7 @@ impl<'a> Renderer<'a> {
             is_lit: false,
             lists,
             active: 0,
-            emptiness: Classify::emptiness(ctx, dims)?,
+            emptiness: Emptiness::for_rays(ctx, dims)?,
             emitted: ctx.image_3d("emitted", if emits { dims } else { [1; 3] }, ImageFormat::Rgba16Float)?,
             total: Source::new(ctx, "total", dims, is_directed)?,
             picture: Camera::picture(ctx, s.size)?,
@@ -346,7 +347,7 @@ impl<'a> Renderer<'a> {
         if let Some((_, classify)) = self.scatter.as_ref().and_then(|s| s.emission.as_ref()) {
             classify.record(&mut rec, &self.data, &self.emitted);
         }
-        self.classify.record_emptiness(&mut rec, &self.data, &self.total.a, &self.emptiness);
+        self.emptiness.record(&mut rec, &self.data, &self.total.a);
         rec.end_pass();
         rec.begin_pass("compact", 0);
         self.marks.record(&mut rec, &self.data, &self.total.a, &self.emptiness);

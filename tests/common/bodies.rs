@@ -9,8 +9,9 @@ use half::f16;
 use tyndall::abi::ScatterSample;
 use tyndall::cpu::scene::HostScene;
 use tyndall::cpu::texture::Texture;
-use tyndall::passes::classify::{Classify, Emitted, Emptiness};
+use tyndall::passes::classify::{Classify, Emitted};
 use tyndall::passes::compact::{List, Listed, Marks};
+use tyndall::passes::emptiness::Emptiness;
 use tyndall::passes::scene_data::SceneData;
 use tyndall::scene::camera::{Framing, frame};
 use tyndall::scene::{
@@ -154,7 +155,6 @@ pub fn scenes() -> Vec<(&'static str, Scene)> {
 pub struct Setup {
     pub data: SceneData,
     pub host: HostScene,
-    pub classify: Classify,
     /// Emitted source and extinction.
     pub field: Image,
     pub emptiness: Emptiness,
@@ -168,14 +168,14 @@ impl Setup {
         let dims = data.params.dims;
         let classify = Classify::new(ctx, Emitted::Emission).unwrap();
         let field = ctx.image_3d("field", dims, ImageFormat::Rgba16Float).unwrap();
-        let emptiness = Classify::emptiness(ctx, dims).unwrap();
+        let emptiness = Emptiness::for_rays(ctx, dims).unwrap();
         let marks = Marks::new(ctx, dims).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         classify.record(&mut rec, &data, &field);
-        classify.record_emptiness(&mut rec, &data, &field, &emptiness);
+        emptiness.record(&mut rec, &data, &field);
         marks.record(&mut rec, &data, &field, &emptiness);
         rec.submit_and_wait().unwrap();
-        Self { host: HostScene::new(scene), data, classify, field, emptiness, marks }
+        Self { host: HostScene::new(scene), data, field, emptiness, marks }
     }
 
     /// A list, and its items read back.
