@@ -348,6 +348,28 @@ pub struct DistancePush {
     pub axis: u32,
 }
 
+/// `cubes.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct CubesPush {
+    /// Level that is made; the largest one, when it is spread.
+    pub level: u32,
+}
+
+/// `bench_rays.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "bench_rays.comp documents the members")]
+pub struct BenchRaysPush {
+    pub cell_begin: u32,
+    pub cell_end: u32,
+    pub cell_count: u32,
+    pub directions: u32,
+    pub block: u32,
+    pub step_voxels: f32,
+    pub reach: f32,
+}
+
 /// `camera.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

@@ -1,6 +1,7 @@
 //! Tyndall: headless volume rendering with physically based multiple scattering on raw Vulkan compute.
 
 pub mod abi;
+pub mod bench;
 pub mod cli;
 pub mod cpu;
 pub mod error;

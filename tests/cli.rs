@@ -35,6 +35,47 @@ fn json(text: &str) -> serde_json::Value {
     serde_json::from_str(text).unwrap_or_else(|e| panic!("{e} in {text}"))
 }
 
+/// Rays on a tiny phantom: what is exact is, rows are complete, and text and CSV agree on the structures.
+#[test]
+fn bench_proxy_compares_structures() {
+    let place = Place::new();
+    let tiny = ["bench", "proxy", "--volume", PHANTOM, "--rays", "256", "--runs", "1"];
+    let report = json(&place.succeeds(&[&tiny[..], &["--json", "--csv", "table.csv"]].concat()));
+    let table = &report["tables"][0];
+    let rows = table["rows"].as_array().unwrap();
+    assert_eq!(table["rays"], 256);
+    let exact: Vec<_> = rows.iter().filter(|row| row["is_exact"] == true).collect();
+    assert!(exact.len() > 8 && rows.len() > exact.len() + 8);
+    for row in rows {
+        let number = |field: &str| row[field].as_f64().unwrap_or_else(|| panic!("{field} of {row}"));
+        assert!(number("rays_per_second") > 0.0 && number("steps") > 0.0 && number("relative_time") > 0.0, "{row}");
+        // Steps of a voxel against quarter steps in a smooth cloud.
+        assert!(row["is_exact"] == false || number("error") < 0.05 && number("nearest") <= number("steps"), "{row}");
+        assert!(row["is_exact"] == true || number("gain") > 0.0 && number("residual_variance") < 3.0, "{row}");
+    }
+    let samples =
+        |name: &str| exact.iter().find(|row| row["structure"] == name).unwrap()["trilinear"].as_f64().unwrap();
+    assert!(samples("octants 4³") <= samples("distance 4³") && samples("distance 4³") < samples("uniform steps"));
+    let csv = fs::read_to_string(place.path("table.csv")).unwrap();
+    assert_eq!(csv.lines().count(), rows.len() + 1);
+    for (line, row) in csv.lines().skip(1).zip(rows) {
+        assert!(line.contains(row["structure"].as_str().unwrap()), "{line}");
+    }
+}
+
+#[test]
+fn bench_proxy_refuses_what_has_no_light() {
+    let place = Place::new();
+    place.fails(&["bench"], 2, &["proxy"]);
+    place.fails(&["bench", "proxy", "--rays", "1"], 2, &["--rays", "256"]);
+    place.fails(&["bench", "proxy", "--all", "--volume", PHANTOM], 2, &["--all", "--volume"]);
+    place.fails(&["bench", "proxy", "--volume", PHANTOM, "--csv", "nowhere/t.csv"], 1, &["nowhere/t.csv"]);
+    let dark = ["bench", "proxy", "--volume", PHANTOM, "--rays", "256", "--runs", "1", "--light", "none"];
+    place.fails(&dark, 1, &["no light", "cure"]);
+    let empty = ["bench", "proxy", "--volume", PHANTOM, "--rays", "256", "--runs", "1", "--density", "0"];
+    place.fails(&empty, 1, &["extinction", "cure"]);
+}
+
 // Wrong usage: exit code 2.
 
 #[test]
@@ -77,6 +118,7 @@ fn help_of_every_command_names_its_flags() {
         ("inspect", &["--json"]),
         ("compare", &["--json"]),
         ("devices", &["--json"]),
+        ("bench", &["proxy"]),
     ] {
         let help = place.succeeds(&[command, "--help"]);
         for flag in flags {

@@ -144,4 +144,40 @@ const uint SAMPLING_TOP = 1u;
 // SAMPLING: N of M candidates drawn in proportion to their proxy energy.
 const uint SAMPLING_RESAMPLE = 2u;
 
+// STRUCTURE: uniform steps, nothing is skipped.
+const uint STRUCTURE_NONE = 0u;
+// STRUCTURE: macrocells, crossed one by one.
+const uint STRUCTURE_CELLS = 1u;
+// STRUCTURE: Chebyshev distance of every macrocell to extinction.
+const uint STRUCTURE_DISTANCE = 2u;
+// STRUCTURE: the largest empty node of an octree around every macrocell.
+const uint STRUCTURE_OCTREE = 3u;
+// STRUCTURE: distances by octant, as the renderer's rays.
+const uint STRUCTURE_OCTANTS = 4u;
+// STRUCTURE: the same, all rays of an invocation in one loop.
+const uint STRUCTURE_FLAT = 5u;
+// STRUCTURE: runs of equal bucketIDs, compared voxel by voxel: the paper's.
+const uint STRUCTURE_RUNS = 6u;
+// STRUCTURE: the largest aligned cube of equal bucketIDs around every voxel.
+const uint STRUCTURE_CUBES = 7u;
+// STRUCTURE: nearest reads of bucketIDs in fixed steps, as gather_proxy.comp.
+const uint STRUCTURE_BUCKETS = 8u;
+// STRUCTURE: nearest reads of light and extinction in fixed steps.
+const uint STRUCTURE_VOXELS = 9u;
+// STRUCTURE: full, half and quarter resolution in steps that grow with them, trilinear.
+const uint STRUCTURE_MIPS = 10u;
+// STRUCTURE: the same by nearest reads.
+const uint STRUCTURE_NEAREST_MIPS = 11u;
+
+// Stage of cubes.comp: copies the values.
+const uint CUBES_COPY = 0u;
+// Stage of cubes.comp: merges eight cubes into one.
+const uint CUBES_MERGE = 1u;
+// Stage of cubes.comp: tells every voxel its largest cube.
+const uint CUBES_SPREAD = 2u;
+// Bits of a word of cubes.comp that hold the value; those above hold the cube's level.
+const uint CUBES_VALUE_BITS = 28u;
+// Largest level of a cube: 2^8 voxels along its edge.
+const uint CUBES_LEVELS = 8u;
+
 #endif

@@ -4,6 +4,11 @@
 #define MARCH_GLSL
 #include "ray.glsl"
 
+// Voxels along the edge of a macrocell; benches try others.
+#ifndef SKIP_EDGE
+#define SKIP_EDGE SKIP_SIZE
+#endif
+
 // Of every macrocell, how many cells a ray may cross before it can meet extinction, for each octant of directions
 // (octants.comp); 0 = has extinction itself.
 layout(set = 0, binding = 2) uniform usampler3D emptiness;
@@ -12,11 +17,11 @@ layout(set = 0, binding = 2) uniform usampler3D emptiness;
 // sample beyond the empty cells ahead. Callers sample anyway and advance by this: an empty sample adds nothing, and on
 // SIMD machines a branch would cost both of its sides (measured: 1.6 times).
 float steps_ahead(Ray ray, vec3 p) {
-    uvec3 cell = uvec3(clamp(p, vec3(0.0), vec3(scene.dims - 1u))) / SKIP_SIZE;
+    uvec3 cell = uvec3(clamp(p, vec3(0.0), vec3(scene.dims - 1u))) / SKIP_EDGE;
     bvec3 is_up = greaterThan(ray.inverse, vec3(0.0));
     uint octant = uint(is_up.x) | uint(is_up.y) << 1u | uint(is_up.z) << 2u;
     float reach = float(texelFetch(emptiness, ivec3(cell), 0).r >> OCTANT_BITS * octant & MAX_OCTANT);
-    vec3 face = (vec3(cell) + mix(vec3(1.0 - reach), vec3(reach), is_up)) * float(SKIP_SIZE);
+    vec3 face = (vec3(cell) + mix(vec3(1.0 - reach), vec3(reach), is_up)) * float(SKIP_EDGE);
     vec3 t = (face - p) * ray.inverse;
     return reach > 0.0 ? max(1.0, ceil(min(t.x, min(t.y, t.z)) / ray.dt)) : 1.0;
 }

@@ -1,6 +1,7 @@
 //! The command line: one file per command. A command returns what goes to stdout; `main` prints it.
 
 pub mod batch;
+pub mod bench;
 pub mod compare;
 pub mod devices;
 pub mod inspect;
@@ -29,6 +30,7 @@ enum Command {
     Compare(compare::Args),
     Merge(merge::Args),
     Verify(verify::Args),
+    Bench(bench::Args),
     Devices(devices::Args),
 }
 
@@ -42,6 +44,7 @@ impl Cli {
             Command::Compare(args) => compare::run(args),
             Command::Merge(args) => merge::run(args),
             Command::Verify(args) => verify::run(args),
+            Command::Bench(args) => bench::run(args),
             Command::Devices(args) => devices::run(args),
         }
     }

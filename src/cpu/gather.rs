@@ -22,7 +22,7 @@ pub struct Choice {
 }
 
 /// Shift of a cell's lattice of directions.
-fn lattice_shift(scene: &SceneParams, index: u32, order: u32) -> [f32; 2] {
+pub(super) fn lattice_shift(scene: &SceneParams, index: u32, order: u32) -> [f32; 2] {
     let key = stream_key(index, order, scene.seed_low, scene.seed_high);
     [random_float(key, 0), random_float(key, 1)]
 }

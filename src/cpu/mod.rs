@@ -4,14 +4,17 @@
 //! Fields are [`Texture`](texture::Texture)s in single precision, so a twin differs from its pass by the half floats
 //! that the GPU stores. Rays visit every step: what the GPU skips must add nothing.
 
+pub mod bench_rays;
 pub mod camera;
 pub mod classify;
 pub mod compact;
+pub mod cubes;
 pub mod delta_lights;
 pub mod emptiness;
 pub mod environment;
 pub mod gather;
 pub mod march;
+pub mod mips;
 pub mod path;
 pub mod phong;
 pub mod project;

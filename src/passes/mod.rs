@@ -2,12 +2,15 @@
 //!
 //! Every kernel starts by ordering itself after the compute accesses recorded before; see each `record`.
 
+pub mod bench_rays;
 pub mod camera;
 pub mod classify;
 pub mod compact;
+pub mod cubes;
 pub mod emptiness;
 pub mod gather;
 pub mod lookback;
+pub mod mips;
 pub mod path;
 pub mod phase_probe;
 pub mod phong;
