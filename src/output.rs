@@ -181,6 +181,15 @@ pub fn write_picture(path: &Path, picture: &Picture, png: &PngOptions) -> Result
     Ok(stops)
 }
 
+/// The bytes of an 8-bit PNG.
+///
+/// Errors: the picture is too large for the format.
+pub fn encode_8_bit_png(picture: &Picture, png: &PngOptions) -> Result<Vec<u8>> {
+    let png = PngOptions { bits: BitDepth::Eight, ..*png };
+    encode_png(picture, stops_of(picture, &png), &png)
+        .map_err(|e| Error::input("picture", format!("cannot be encoded: {e}"), "choose a smaller --size"))
+}
+
 fn encode_png(picture: &Picture, stops: f32, png: &PngOptions) -> image::ImageResult<Vec<u8>> {
     let mut file = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive);

@@ -7,6 +7,7 @@ pub mod devices;
 pub mod inspect;
 pub mod merge;
 pub mod render;
+pub mod tradeoff;
 pub mod verify;
 
 use crate::Result;
@@ -29,6 +30,7 @@ enum Command {
     Inspect(inspect::Args),
     Compare(compare::Args),
     Merge(merge::Args),
+    Tradeoff(Box<tradeoff::Args>),
     Verify(verify::Args),
     Bench(bench::Args),
     Devices(devices::Args),
@@ -43,6 +45,7 @@ impl Cli {
             Command::Inspect(args) => inspect::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Merge(args) => merge::run(args),
+            Command::Tradeoff(args) => tradeoff::run(args),
             Command::Verify(args) => verify::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Devices(args) => devices::run(args),

@@ -231,7 +231,7 @@ fn mean_and_squared_error(samples: &[f64]) -> (f64, f64) {
 }
 
 /// A block of at most 8×8 pixels.
-struct Block {
+pub(super) struct Block {
     x: usize,
     y: usize,
     x_end: usize,
@@ -241,7 +241,7 @@ struct Block {
 
 impl Block {
     /// Column, row and index of its pixels.
-    fn pixels(&self) -> impl Iterator<Item = (usize, usize, usize)> {
+    pub(super) fn pixels(&self) -> impl Iterator<Item = (usize, usize, usize)> {
         (self.y..self.y_end).flat_map(move |y| (self.x..self.x_end).map(move |x| (x, y, y * self.picture_width + x)))
     }
 
@@ -254,7 +254,7 @@ impl Block {
 }
 
 /// The blocks of a picture, row by row.
-fn blocks(width: u32, height: u32) -> impl Iterator<Item = Block> {
+pub(super) fn blocks(width: u32, height: u32) -> impl Iterator<Item = Block> {
     let (width, height) = (width as usize, height as usize);
     (0..height).step_by(BLOCK).flat_map(move |y| {
         (0..width).step_by(BLOCK).map(move |x| Block {
@@ -268,7 +268,7 @@ fn blocks(width: u32, height: u32) -> impl Iterator<Item = Block> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// Numbers in [−1, 1) of a 64-bit linear congruential generator (Knuth's MMIX), variance 1/3.
@@ -281,7 +281,7 @@ mod tests {
         }
     }
 
-    fn noisy(base: f32, amplitude: f32, size: u32, seed: u64) -> Picture {
+    pub(crate) fn noisy(base: f32, amplitude: f32, size: u32, seed: u64) -> Picture {
         let mut noise = Noise(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         let mut picture = Picture::filled(size, size, [base, base, base, 1.0]);
         for v in picture.pixels.iter_mut().flat_map(|p| &mut p[..3]) {

@@ -60,6 +60,16 @@ fn hex(digest: Sha256) -> String {
     digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// SHA-256 of all parts and their lengths, in hexadecimal.
+pub fn hex_digest<'b>(parts: impl IntoIterator<Item = &'b [u8]>) -> String {
+    let mut digest = Sha256::new();
+    for part in parts {
+        digest.update((part.len() as u64).to_le_bytes());
+        digest.update(part);
+    }
+    hex(digest)
+}
+
 impl Header {
     /// The header of a render of `scene` with the settings' seed, before the first sample.
     pub fn new(scene: &Scene) -> Self {

@@ -1,0 +1,149 @@
+//! `tyndall tradeoff`: which settings are worth their time?
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use clap::ValueEnum as _;
+
+use super::render::{progress_bar, show};
+use super::{DeviceArgs, name_of, times};
+use crate::measure::front::Goal;
+use crate::measure::knobs::Knob;
+use crate::measure::report::Report;
+use crate::measure::sweep::{Effort, Options, Sweep};
+use crate::render::Progress;
+use crate::scene::{self, Model};
+use crate::vk::Context;
+use crate::{Error, Result};
+
+/// Pixels of the pictures unless --size says otherwise: enough to tell settings apart.
+const SIZE: [u32; 2] = [128, 128];
+
+/// Measure what the knobs of the model multiple cost and bring: error (bias and noise apart) and GPU time of many
+/// settings around the scene's own, against the path tracer. Writes a page (index.html), plots, CSV and JSON.
+///
+/// What is measured is kept in the folder: a sweep that was stopped goes on where it was.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Scene file (TOML); flags override what it says, but pictures are 128x128 unless --size is given.
+    #[arg(value_name = "SCENE.toml")]
+    scene: Option<PathBuf>,
+
+    #[command(flatten)]
+    overrides: scene::Overrides,
+
+    /// Folder to write to; it is made if it is not there.
+    #[arg(short, long, value_name = "DIR", help_heading = "Sweep")]
+    output: PathBuf,
+
+    /// Knobs to turn, separated by commas [default: all that the scene uses].
+    #[arg(long, value_name = "KNOBS", value_delimiter = ',', help_heading = "Sweep")]
+    knobs: Vec<Knob>,
+
+    /// Pictures per setting, with the seed and those that follow it.
+    #[arg(long, value_name = "N", default_value_t = 3, help_heading = "Sweep")]
+    #[arg(value_parser = clap::value_parser!(u32).range(2..=1000))]
+    seeds: u32,
+
+    /// Samples per pixel of each of the two references.
+    #[arg(long, value_name = "N", default_value_t = 1024, help_heading = "Sweep")]
+    #[arg(value_parser = clap::value_parser!(u32).range(2..=i64::from(scene::file::MAX_SPP)))]
+    reference_spp: u32,
+
+    /// Noise of each reference (root mean square of the pixels' standard errors, over the mean radiance), instead.
+    #[arg(long, value_name = "ERROR", conflicts_with = "reference_spp", help_heading = "Sweep")]
+    reference_error: Option<f64>,
+
+    /// Measure at most so many more settings beside the scene's own; the next run goes on.
+    #[arg(long, value_name = "N", help_heading = "Sweep")]
+    limit: Option<usize>,
+
+    /// Print the results as JSON instead of text.
+    #[arg(long, help_heading = "Sweep")]
+    json: bool,
+
+    /// No progress bar, no announcement; nothing on stdout unless --json is given.
+    #[arg(short, long, help_heading = "Sweep")]
+    quiet: bool,
+
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<String> {
+    let mut overrides = args.overrides.clone();
+    overrides.layer()?;
+    // The path tracer's stops are this command's goals.
+    let goals = [overrides.target_error.take().map(Goal::Error), overrides.seconds.take().map(Goal::Time)];
+    let goals: Vec<Goal> = goals.into_iter().flatten().collect();
+    overrides.size.get_or_insert(SIZE);
+    if args.output.exists() && !args.output.is_dir() {
+        return Err(Error::file(&args.output, "is no folder", "name a folder, or a place for a new one"));
+    }
+    let effort = match args.reference_error {
+        Some(error) if error > 0.0 && error.is_finite() => Effort::Error(error),
+        Some(error) => {
+            return Err(Error::usage("--reference-error", format!("is {error}"), "give an error greater than 0"));
+        }
+        None => Effort::Samples(args.reference_spp),
+    };
+    let scene = scene::load_scene(args.scene.as_deref(), &overrides)?;
+    let model = scene.settings.model;
+    if model != Model::Multiple {
+        let what = args.scene.as_ref().map_or("--model".into(), |path| path.display().to_string());
+        let problem = format!("the model is {}, but the knobs are those of multiple", name_of(&model));
+        return Err(Error::input(what, problem, "add --model multiple"));
+    }
+    if let Some(knob) = args.knobs.iter().find(|k| !k.is_used(&scene)) {
+        let problem = format!("{} changes nothing in this scene", knob.flag());
+        return Err(Error::usage("--knobs", problem, "leave it out"));
+    }
+    let knobs = if args.knobs.is_empty() { Knob::value_variants().to_vec() } else { args.knobs.clone() };
+    let say = |text: String| {
+        if !args.quiet {
+            let _ = writeln!(std::io::stderr(), "{text}");
+        }
+    };
+    let ctx = Context::new(&args.device.config())?;
+    let options = Options { knobs, seeds: args.seeds, effort };
+    let mut sweep = Sweep::open(&ctx, scene, &args.output, options)?;
+    let samples = match effort {
+        Effort::Samples(samples) => format!("{samples} samples per pixel"),
+        Effort::Error(error) => format!("{} % noise", 100.0 * error),
+    };
+    say(format!(
+        "{} settings, {} seeds each, at {} pixels, against two references of {samples}; {} are measured already",
+        sweep.planned(),
+        args.seeds,
+        times(&sweep.base().size),
+        sweep.measured()
+    ));
+
+    let bar = progress_bar(args.quiet);
+    let mut phase = "";
+    let mut progress = |progress: Progress| {
+        if phase != progress.phase {
+            // What is left is guessed anew from the pace of the phase.
+            bar.reset();
+            phase = progress.phase;
+        }
+        show(&bar, &progress)
+    };
+    sweep.render_references(&mut progress)?;
+    sweep.measure_base(&mut progress)?;
+    let limit = args.limit.unwrap_or(usize::MAX);
+    bar.suspend(|| say(format!("about {:.0} s of renders to do", sweep.expected_ms(limit) / 1e3)));
+    sweep.measure_rest(limit, &mut progress)?;
+    bar.finish_and_clear();
+
+    let report = Report::new(&sweep, &goals);
+    report.write(&args.output, &sweep.reference_picture())?;
+    if args.json {
+        return Ok(report.to_json());
+    }
+    let left = sweep.planned() - sweep.measured();
+    let left = if left > 0 { format!("{left} settings are left: run this again to go on\n") } else { String::new() };
+    let page = args.output.join("index.html");
+    Ok(if args.quiet { String::new() } else { format!("{}\n{left}wrote {}\n", report.text(), page.display()) })
+}
