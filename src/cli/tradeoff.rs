@@ -10,7 +10,7 @@ use super::{DeviceArgs, name_of, times};
 use crate::measure::front::Goal;
 use crate::measure::knobs::Knob;
 use crate::measure::report::Report;
-use crate::measure::sweep::{Effort, Options, Sweep};
+use crate::measure::sweep::{Clock, Effort, Options, Sweep, processor_ms};
 use crate::render::Progress;
 use crate::scene::{self, Model};
 use crate::vk::Context;
@@ -54,6 +54,10 @@ pub struct Args {
     #[arg(long, value_name = "ERROR", conflicts_with = "reference_spp", help_heading = "Sweep")]
     reference_error: Option<f64>,
 
+    /// What counts as time, here and for --seconds.
+    #[arg(long, value_name = "CLOCK", default_value = "device", help_heading = "Sweep")]
+    clock: Clock,
+
     /// Measure at most so many more settings beside the scene's own; the next run goes on.
     #[arg(long, value_name = "N", help_heading = "Sweep")]
     limit: Option<usize>,
@@ -88,6 +92,10 @@ pub fn run(args: &Args) -> Result<String> {
         }
         None => Effort::Samples(args.reference_spp),
     };
+    if args.clock == Clock::Processor && processor_ms().is_none() {
+        let problem = "this system does not tell the processor time";
+        return Err(Error::usage("--clock", problem, "leave it out: the device's timestamps count"));
+    }
     let scene = scene::load_scene(args.scene.as_deref(), &overrides)?;
     let model = scene.settings.model;
     if model != Model::Multiple {
@@ -137,7 +145,7 @@ pub fn run(args: &Args) -> Result<String> {
     sweep.measure_rest(limit, &mut progress)?;
     bar.finish_and_clear();
 
-    let report = Report::new(&sweep, &goals);
+    let report = Report::new(&sweep, &goals, args.clock);
     report.write(&args.output, &sweep.reference_picture())?;
     if args.json {
         return Ok(report.to_json());

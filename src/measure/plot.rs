@@ -1,6 +1,9 @@
 //! The plots of a sweep, as SVG: error against time of all settings, and a panel per knob.
 
+use std::ops::Range;
+
 use plotters::coord::Shift;
+use plotters::coord::combinators::WithKeyPoints;
 use plotters::prelude::*;
 
 use super::front::Point;
@@ -8,7 +11,7 @@ use super::front::Point;
 /// A setting in a plot.
 #[derive(Clone, Debug)]
 pub struct Mark {
-    /// GPU seconds and relative error.
+    /// Seconds and relative error.
     pub point: Point,
     /// Relative bias: the error that more directions or rays would not take away.
     pub bias: f64,
@@ -46,10 +49,18 @@ fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Outcome) -> String {
 }
 
 /// A range that holds all values above zero, with some room.
-fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     let usable = values.filter(|v| *v > 0.0 && v.is_finite());
     let (low, high) = usable.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
     if high > 0.0 { low / 1.4..high * 1.4 } else { 0.1..10.0 }
+}
+
+/// A logarithmic axis with ticks at 1, 2 and 5 of every decade.
+fn logarithmic(range: Range<f64>) -> WithKeyPoints<LogCoord<f64>> {
+    let decades = range.start.log10().floor() as i32..=range.end.log10().ceil() as i32;
+    let ticks = decades.flat_map(|d| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(d)));
+    let inside: Vec<f64> = ticks.filter(|t| range.contains(t)).collect();
+    range.log_scale().with_key_points(inside)
 }
 
 /// `0.012`, `1.2`, `12`: two digits, no zeros at the end.
@@ -59,8 +70,8 @@ fn short(value: &f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// Error against time of all `marks`; `front` are indices of them, the fastest first.
-pub fn front_plot(marks: &[Mark], front: &[usize]) -> String {
+/// Error against time of all `marks` by a clock of this name; `front` are indices of them, the fastest first.
+pub fn front_plot(marks: &[Mark], front: &[usize], clock: &str) -> String {
     let mut groups: Vec<&str> = Vec::new();
     for mark in marks {
         if !groups.contains(&&mark.group[..]) {
@@ -74,11 +85,11 @@ pub fn front_plot(marks: &[Mark], front: &[usize]) -> String {
             .margin(12)
             .x_label_area_size(42)
             .y_label_area_size(58)
-            .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+            .build_cartesian_2d(logarithmic(x), logarithmic(y))?;
         chart
             .configure_mesh()
             .light_line_style(WHITE)
-            .x_desc("GPU time of a picture, s")
+            .x_desc(format!("{clock} of a picture, s"))
             .y_desc("error, %")
             .x_label_formatter(&short)
             .y_label_formatter(&short)
@@ -107,7 +118,7 @@ pub fn front_plot(marks: &[Mark], front: &[usize]) -> String {
 }
 
 /// Error against time along every knob, all on the same axes: dots are the error, rings the bias.
-pub fn knob_plot(panels: &[Panel]) -> String {
+pub fn knob_plot(panels: &[Panel], clock: &str) -> String {
     let all = || panels.iter().flat_map(|p| &p.marks);
     let x = range(all().map(|m| m.point.time));
     let errors = range(all().map(|m| 100.0 * m.point.error));
@@ -122,11 +133,11 @@ pub fn knob_plot(panels: &[Panel]) -> String {
                 .margin(8)
                 .x_label_area_size(34)
                 .y_label_area_size(46)
-                .build_cartesian_2d(x.clone().log_scale(), (foot / 1.2..errors.end).log_scale())?;
+                .build_cartesian_2d(logarithmic(x.clone()), logarithmic(foot / 1.2..errors.end))?;
             chart
                 .configure_mesh()
                 .light_line_style(WHITE)
-                .x_desc("GPU time, s")
+                .x_desc(format!("{clock}, s"))
                 .y_desc("error (dots), bias (rings), %")
                 .x_label_formatter(&short)
                 .y_label_formatter(&short)
@@ -161,20 +172,20 @@ mod tests {
     #[test]
     fn plots_show_every_mark_and_escape_labels() {
         let marks = vec![mark(1.0, 0.1), mark(2.0, 0.05), mark(4.0, 0.2)];
-        let front = front_plot(&marks, &[0, 1]);
+        let front = front_plot(&marks, &[0, 1], "GPU time");
         assert_eq!(front.matches("<circle").count(), 3 + 1 + 2, "marks, own, legend: {front}");
         assert!(front.contains("&lt;8&gt;") && !front.contains("<8>"));
         let panel = Panel { title: "directions".into(), marks };
-        assert_eq!(knob_plot(&[panel]).matches("<circle").count(), 6);
+        assert_eq!(knob_plot(&[panel], "GPU time").matches("<circle").count(), 6);
     }
 
     #[test]
     fn plots_of_little_are_drawn() {
         for marks in [vec![], vec![mark(1.0, 0.0)], vec![mark(1.0, 0.1)]] {
-            assert!(front_plot(&marks, &[]).starts_with("<svg"));
-            assert!(knob_plot(&[Panel { title: "spp".into(), marks }]).starts_with("<svg"));
+            assert!(front_plot(&marks, &[], "GPU time").starts_with("<svg"));
+            assert!(knob_plot(&[Panel { title: "spp".into(), marks }], "GPU time").starts_with("<svg"));
         }
-        assert!(knob_plot(&[]).starts_with("<svg"));
+        assert!(knob_plot(&[], "GPU time").starts_with("<svg"));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::front::{Goal, Point, front, recommend};
 use super::knobs::{self, Knob};
 use super::plot::{self, Mark, Panel};
 use super::seeds::SeedErrors;
-use super::sweep::{Effort, PassTime, Sweep};
+use super::sweep::{Clock, Effort, PassTime, Sweep};
 use crate::output::{self, Picture, PngOptions};
 use crate::scene::Settings;
 use crate::stats::{DeviceStats, to_json};
@@ -32,6 +32,8 @@ pub struct Report {
     size: [u32; 2],
     /// The scene's own settings.
     own: Settings,
+    /// What `time` is.
+    clock: Clock,
     /// Pictures per setting.
     seeds: u32,
     /// What the references were to be.
@@ -63,9 +65,10 @@ struct Entry {
     bias: f64,
     noise: f64,
     errors: SeedErrors,
-    /// The least of the seeds'.
-    gpu_ms: f64,
-    gpu_ms_of_seeds: Vec<f64>,
+    /// Seconds by the report's clock, the least of the seeds'.
+    time: f64,
+    gpu_ms: Vec<f64>,
+    processor_ms: Vec<f64>,
     passes: Vec<PassTime>,
     wall_ms: f64,
     /// Other orders than the scene's are another truth: no part of the front.
@@ -94,12 +97,39 @@ impl Entry {
     }
 
     fn point(&self) -> Point {
-        Point { time: self.gpu_ms / 1e3, error: self.error }
+        Point { time: self.time, error: self.error }
     }
 
     /// `0.41 %`, or `< 0.2 %` where it may be chance.
     fn bias_text(&self) -> String {
         if self.errors.bias_is_seen() { percent(self.bias) } else { format!("< {}", percent(self.errors.bias_bound())) }
+    }
+
+    /// Names and values of the CSV.
+    fn columns(&self) -> Vec<(String, String)> {
+        let swept: Vec<_> = self.knobs.iter().map(|k| k.flag()).collect();
+        let mut columns = vec![("knobs".to_owned(), swept.join(" ")), ("flags".to_owned(), self.flags.clone())];
+        columns.extend(Knob::value_variants().iter().map(|k| (k.field(), k.value(&self.settings))));
+        let e = &self.errors;
+        let figures = [
+            ("error", self.error),
+            ("bias", self.bias),
+            ("noise", self.noise),
+            ("rel_mse", e.rel_mse),
+            ("bias_squared", e.bias_squared),
+            ("bias_squared_error", e.bias_squared_error),
+            ("noise_squared", e.noise_squared),
+            ("bias_red", e.bias[0]),
+            ("bias_green", e.bias[1]),
+            ("bias_blue", e.bias[2]),
+            ("block_bias", e.block_bias),
+            ("time", self.time),
+            ("wall_ms", self.wall_ms),
+        ];
+        columns.extend(figures.map(|(name, figure)| (name.to_owned(), figure.to_string())));
+        let flags = [("same_truth", self.is_same_truth), ("on_front", self.on_front)];
+        columns.extend(flags.map(|(name, flag)| (name.to_owned(), flag.to_string())));
+        columns
     }
 
     fn mark(&self, label: String) -> Mark {
@@ -109,10 +139,10 @@ impl Entry {
 }
 
 impl Goal {
-    fn text(self) -> String {
+    fn text(self, clock: Clock) -> String {
         match self {
             Goal::Error(most) => format!("error of at most {}", percent(most)),
-            Goal::Time(most) => format!("GPU time of at most {}", seconds(most)),
+            Goal::Time(most) => format!("{} of at most {}", clock.name(), seconds(most)),
         }
     }
 }
@@ -128,7 +158,7 @@ fn seconds(time: f64) -> String {
 impl Report {
     /// The report of what is measured so far: at least the scene's own settings. Without goals it asks for as little
     /// error, and for as little time, as the scene's own settings have.
-    pub fn new(sweep: &Sweep<'_>, goals: &[Goal]) -> Self {
+    pub fn new(sweep: &Sweep<'_>, goals: &[Goal], clock: Clock) -> Self {
         let own = sweep.base();
         let entry = |row: super::sweep::Row<'_>| {
             let (record, settings) = (row.record, &row.setting.settings);
@@ -139,8 +169,9 @@ impl Report {
                 bias: record.errors.bias_rms(),
                 noise: record.errors.noise_rms(),
                 errors: record.errors,
-                gpu_ms: record.time(),
-                gpu_ms_of_seeds: record.gpu_ms.clone(),
+                time: record.time(clock) / 1e3,
+                gpu_ms: record.gpu_ms.clone(),
+                processor_ms: record.processor_ms.clone(),
                 passes: record.passes.clone(),
                 wall_ms: record.wall_ms,
                 is_same_truth: settings.orders == own.orders,
@@ -151,7 +182,7 @@ impl Report {
         };
         let mut settings: Vec<Entry> = sweep.rows().into_iter().map(entry).collect();
         let candidate =
-            |e: &Entry| Point { time: e.gpu_ms / 1e3, error: if e.is_same_truth { e.error } else { f64::INFINITY } };
+            |e: &Entry| Point { time: e.time, error: if e.is_same_truth { e.error } else { f64::INFINITY } };
         let points: Vec<Point> = settings.iter().map(candidate).collect();
         let front = front(&points);
         for &i in &front {
@@ -172,6 +203,7 @@ impl Report {
             dims: sweep.scene().volume.grid.dims,
             size: own.size,
             own: own.clone(),
+            clock,
             seeds: sweep.options().seeds,
             reference_effort: sweep.options().effort,
             reference_samples: [a.samples, b.samples],
@@ -206,7 +238,7 @@ impl Report {
         let marks: Vec<Mark> =
             kept.iter().map(|&i| self.settings[i].mark(self.settings[i].label().to_owned())).collect();
         let front: Vec<usize> = self.front.iter().filter_map(|i| kept.iter().position(|k| k == i)).collect();
-        plot::front_plot(&marks, &front)
+        plot::front_plot(&marks, &front, self.clock.name())
     }
 
     fn knob_plot(&self) -> String {
@@ -218,57 +250,17 @@ impl Report {
             (marks.len() > 1).then(|| Panel { title: knob.flag(), marks })
         };
         let panels: Vec<Panel> = Knob::value_variants().iter().filter_map(panel).collect();
-        plot::knob_plot(&panels)
+        plot::knob_plot(&panels, self.clock.name())
     }
 
     fn csv(&self) -> String {
         let mut csv = csv::Writer::from_writer(Vec::new());
-        let knobs = Knob::value_variants();
-        let figures = [
-            "error",
-            "bias",
-            "noise",
-            "rel_mse",
-            "bias_squared",
-            "bias_squared_error",
-            "noise_squared",
-            "bias_red",
-            "bias_green",
-            "bias_blue",
-            "block_bias",
-            "gpu_ms",
-            "gpu_ms_max",
-            "wall_ms",
-        ];
-        let names = ["knobs", "flags"].map(String::from).into_iter().chain(knobs.iter().map(|k| k.field()));
-        let header = names.chain(figures.map(String::from)).chain(["same_truth", "on_front"].map(String::from));
-        csv.write_record(header).expect("a vector takes any record");
-        for e in &self.settings {
-            let swept: Vec<_> = e.knobs.iter().map(|k| k.flag()).collect();
-            let [red, green, blue] = e.errors.bias;
-            let most = e.gpu_ms_of_seeds.iter().copied().fold(0.0, f64::max);
-            let s = &e.errors;
-            let figures: [f64; 14] = [
-                e.error,
-                e.bias,
-                e.noise,
-                s.rel_mse,
-                s.bias_squared,
-                s.bias_squared_error,
-                s.noise_squared,
-                red,
-                green,
-                blue,
-                s.block_bias,
-                e.gpu_ms,
-                most,
-                e.wall_ms,
-            ];
-            let names =
-                [swept.join(" "), e.flags.clone()].into_iter().chain(knobs.iter().map(|k| k.value(&e.settings)));
-            let last = [e.is_same_truth, e.on_front].map(|b| b.to_string());
-            let record = names.chain(figures.map(|f| f.to_string())).chain(last);
-            csv.write_record(record).expect("a vector takes any record");
+        for (i, e) in self.settings.iter().enumerate() {
+            let columns = e.columns();
+            if i == 0 {
+                csv.write_record(columns.iter().map(|c| &c.0)).expect("a vector takes any record");
+            }
+            csv.write_record(columns.iter().map(|c| &c.1)).expect("a vector takes any record");
         }
         let bytes = csv.into_inner().expect("a vector takes any record");
         String::from_utf8(bytes).expect("CSV of text is text")
@@ -301,19 +293,19 @@ impl Report {
             String::new(),
             "No other setting is both faster and more accurate (error: root of relMSE, bias and noise together):"
                 .into(),
-            format!("{:>10} {:>10} {:>10} {:>10}  {}", "GPU time", "error", "bias", "noise", "flags"),
+            format!("{:>14} {:>10} {:>10} {:>10}  {}", self.clock.name(), "error", "bias", "noise", "flags"),
         ];
         for &i in &self.front {
             let e = &self.settings[i];
             let (time, error, noise) = (seconds(e.point().time), percent(e.error), percent(e.noise));
-            lines.push(format!("{time:>10} {error:>10} {:>10} {noise:>10}  {}", e.bias_text(), e.label()));
+            lines.push(format!("{time:>14} {error:>10} {:>10} {noise:>10}  {}", e.bias_text(), e.label()));
         }
         for r in &self.recommended {
             let e = &self.settings[r.setting];
             let verdict = if r.is_met { "" } else { " (nothing measured meets it; this comes nearest)" };
             let (time, error) = (seconds(e.point().time), percent(e.error));
             lines.push(String::new());
-            lines.push(format!("{}{verdict}: {time}, {error}", r.goal.text()));
+            lines.push(format!("{}{verdict}: {time}, {error}", r.goal.text(self.clock)));
             lines.push(format!("  flags: {}", if r.flags.is_empty() { "none, as it is" } else { &r.flags }));
             if !r.scene.is_empty() {
                 lines.push("  scene file:".into());
@@ -378,7 +370,7 @@ impl Report {
     fn recommended(&self, r: &Recommended) -> Markup {
         let e = &self.settings[r.setting];
         html! {
-            h3 { (r.goal.text()) @if !r.is_met { " (nothing measured meets it; this comes nearest)" } }
+            h3 { (r.goal.text(self.clock)) @if !r.is_met { " (nothing measured meets it; this comes nearest)" } }
             p { (seconds(e.point().time)) ", error " (percent(e.error)) }
             @if r.flags.is_empty() { p { "The scene's own settings." } } @else {
                 pre { code { (r.flags) } }
@@ -391,7 +383,7 @@ impl Report {
         html! {
             table {
                 thead { tr {
-                    @for name in ["setting", "GPU time", "error", "bias", "noise", "R", "G", "B", "on the front"] {
+                    @for name in ["setting", self.clock.name(), "error", "bias", "noise", "R", "G", "B", "on the front"] {
                         th { (name) }
                     }
                 } }

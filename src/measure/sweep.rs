@@ -35,6 +35,38 @@ pub enum Effort {
     Error(f64),
 }
 
+/// Which clock says what a picture costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clock {
+    /// The device's timestamps.
+    Device,
+    /// Processor time of this process, all cores together: for a device that is the processor, where timestamps count
+    /// what else runs on the machine
+    Processor,
+}
+
+impl Clock {
+    /// What it shows.
+    pub fn name(self) -> &'static str {
+        match self {
+            Clock::Device => "GPU time",
+            Clock::Processor => "processor time",
+        }
+    }
+}
+
+/// Processor time of this process so far, in ms; `None` where the system does not tell.
+pub fn processor_ms() -> Option<f64> {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        Some(time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6)
+    }
+    #[cfg(not(unix))]
+    None
+}
+
 /// What to sweep, and how well to measure it.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -53,6 +85,8 @@ pub struct Record {
     pub errors: SeedErrors,
     /// GPU time of every seed's picture.
     pub gpu_ms: Vec<f64>,
+    /// Processor time of every seed's picture; empty where the system does not tell.
+    pub processor_ms: Vec<f64>,
     /// GPU time of the passes, mean over the seeds.
     pub passes: Vec<PassTime>,
     /// Elapsed time of all seeds, with the set-up.
@@ -69,9 +103,13 @@ pub struct PassTime {
 }
 
 impl Record {
-    /// GPU time of a picture: the least of the seeds', since other work on the machine only adds to it.
-    pub fn time(&self) -> f64 {
-        self.gpu_ms.iter().copied().fold(f64::INFINITY, f64::min)
+    /// Time of a picture in ms: the least of the seeds', since other work on the machine only adds to it.
+    pub fn time(&self, clock: Clock) -> f64 {
+        let times = match clock {
+            Clock::Device => &self.gpu_ms,
+            Clock::Processor => &self.processor_ms,
+        };
+        times.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// Time of the passes whose names begin so.
@@ -275,7 +313,7 @@ impl<'a> Sweep<'a> {
         let Some(base) = &self.records[0] else { return 0.0 };
         let [voxels, single, camera] =
             [base.part("gather") + base.part("proxy"), base.part("single"), base.part("camera")];
-        let others = (base.time() - voxels - single - camera).max(0.0);
+        let others = (base.time(Clock::Device) - voxels - single - camera).max(0.0);
         let parts = [voxels, single, camera, others];
         let seeds = f64::from(self.options.seeds);
         let set_up = (base.wall_ms - base.gpu_ms.iter().sum::<f64>()).max(0.0);
@@ -303,11 +341,14 @@ impl<'a> Sweep<'a> {
         self.scene.settings = self.plan[i].settings.clone();
         let mut renderer = Renderer::new(self.ctx, &self.scene, Internals::default())?;
         let seeds = self.options.seeds;
-        let (mut pictures, mut gpu_ms, mut passes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut pictures, mut passes) = (Vec::new(), Vec::new());
+        let (mut gpu_ms, mut spent) = (Vec::new(), Vec::new());
         for s in 0..seeds {
             let seed = self.scene.settings.seed.wrapping_add(s.into());
             let mut part = |p: Progress| progress((f64::from(s) + p.done) / f64::from(seeds));
+            let before = processor_ms();
             pictures.push(renderer.render(seed, &mut part)?);
+            spent.extend(processor_ms().zip(before).map(|(after, before)| after - before));
             let stats = renderer.stats(&self.scene, 0.0)?;
             gpu_ms.push(stats.gpu_ms);
             add_passes(&mut passes, &stats.passes, f64::from(seeds));
@@ -318,7 +359,8 @@ impl<'a> Sweep<'a> {
         let [a, b] = self.references();
         let references = [a.picture.clone(), b.picture.clone()];
         let errors = seed_errors(&pictures, &references)?;
-        let record = Record { errors, gpu_ms, passes, wall_ms: start.elapsed().as_secs_f64() * 1e3 };
+        let record =
+            Record { errors, gpu_ms, processor_ms: spent, passes, wall_ms: start.elapsed().as_secs_f64() * 1e3 };
         let (_, png) = self.reference_picture();
         output::write_picture(&self.file(&self.keys[i], "png"), &pictures[0], &png)?;
         let text = crate::stats::to_json(&record);
