@@ -1,6 +1,6 @@
 //! The scene layer: files, flags, presets, transfer functions, camera, environment.
 
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -11,8 +11,8 @@ use tyndall::scene::file::SceneFile;
 use tyndall::scene::transfer::{MAX_OPACITY, data_window};
 use tyndall::scene::values::UpAxis;
 use tyndall::scene::{
-    Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Overrides, Sampling,
-    Scene, ToneCurve, TransferFunction, TransferPoint, load_scene, merge, presets, resolve,
+    Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Overrides, Quality,
+    Sampling, Scene, Settings, ToneCurve, TransferFunction, TransferPoint, load_scene, merge, presets, resolve,
 };
 use tyndall::volume::{Grid, Volume, VoxelData, active_fraction, phantom};
 
@@ -388,6 +388,40 @@ fn wide_pixels_get_more_camera_rays() {
     assert_eq!(spp("render.size = [1, 1]"), 128);
     assert_eq!(spp("render = { size = [1, 1], spp = 7 }"), 7);
     assert_eq!(spp("render = { size = [1, 1], model = 'path' }"), 48);
+}
+
+/// A quality is the lowest layer: what a field or a flag says goes over it, wherever the quality was named.
+#[test]
+fn quality_is_a_set_of_defaults() {
+    let settings = |text: &str, args: &[&str]| scene_of(text, args).unwrap().settings;
+    let size = "render.size = [8, 8]\n";
+    let of = |quality: Quality| Settings { size: [8, 8], ..quality.settings() };
+    assert_eq!(settings(size, &[]), of(Quality::Normal));
+    assert_eq!(Quality::Normal.settings(), Settings::default());
+    for &quality in Quality::value_variants() {
+        let name = quality.to_possible_value().unwrap().get_name().to_owned();
+        assert_eq!(settings(size, &["--quality", &name]), of(quality), "{name}");
+        assert_eq!(settings(&format!("{size}render.quality = '{name}'"), &[]), of(quality), "{name}");
+    }
+    let high_over_draft = settings(&format!("{size}render.quality = 'draft'"), &["--quality", "high"]);
+    assert_eq!(high_over_draft, of(Quality::High));
+    let mixed = settings(&format!("{size}render.spp = 7"), &["--quality", "draft", "--gather-step", "0.75"]);
+    assert_eq!(mixed, Settings { spp: 7, gather_step: 0.75, ..of(Quality::Draft) });
+    assert_error(parse("render.quality = 'best'"), 1, &["best", "draft", "reference"]);
+    assert!(flags(&["--quality", "best"]).unwrap_err().to_string().contains("draft"));
+}
+
+/// Each is finer than the one before, in every knob.
+#[test]
+fn qualities_are_in_order() {
+    let all: Vec<Settings> = Quality::value_variants().iter().map(|q| q.settings()).collect();
+    for pair in all.windows(2) {
+        let counts = |s: &Settings| [s.directions, s.candidates, s.environment_directions, s.spp];
+        let steps = |s: &Settings| [s.gather_step, s.camera_step, s.proxy_step, 1.0 - s.hidden_share];
+        assert!(counts(&pair[0]).iter().zip(counts(&pair[1])).all(|(a, b)| *a <= b), "{pair:?}");
+        assert!(steps(&pair[0]).iter().zip(steps(&pair[1])).all(|(a, b)| *a >= b), "{pair:?}");
+        assert!(pair[0].directions < pair[1].directions && pair[0].spp < pair[1].spp, "{pair:?}");
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! from the one below. Colours are as [`Rgb`] says; angles are in degrees; lengths in the volume's unit.
 
 use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis};
-use super::{Exposure, LightFor, Model, Sampling, ToneCurve};
+use super::{Exposure, LightFor, Model, Quality, Sampling, ToneCurve};
 use crate::volume::ScalarType;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -258,6 +258,7 @@ table! {
     #[allow(missing_docs, reason = "the fields are those of Settings")]
     RenderTable {
         model: Model,
+        quality: Quality,
         sampling: Sampling,
         candidates: u32,
         directions: u32,

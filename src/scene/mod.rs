@@ -8,11 +8,13 @@ pub mod file;
 mod overrides;
 mod paraview;
 pub mod presets;
+mod quality;
 mod resolve;
 pub mod transfer;
 pub mod values;
 
 pub use overrides::{LightFlag, Overrides, RawFlags};
+pub use quality::Quality;
 pub use resolve::{load_scene, merge, resolve};
 
 use glam::{DVec3, Vec3};

@@ -2,7 +2,7 @@
 
 use super::file::{LightTable, RawEndian, RawTable, SceneFile};
 use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis, numbers};
-use super::{LightFor, Model, Sampling, ToneCurve, presets};
+use super::{LightFor, Model, Quality, Sampling, ToneCurve, presets};
 use crate::volume::{RawLayout, ScalarType};
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
@@ -51,6 +51,9 @@ pub struct Overrides {
     /// Light transport [default: multiple]
     #[arg(long, value_name = "MODEL", help_heading = "Method")]
     pub model: Option<Model>,
+    /// Defaults of the flags below, from fast to accurate; flags and scene fields go over them [default: normal]
+    #[arg(long, value_name = "QUALITY", help_heading = "Method")]
+    pub quality: Option<Quality>,
     /// How the traced directions are chosen [default: phase]
     #[arg(long, value_name = "MODE", help_heading = "Method")]
     pub sampling: Option<Sampling>,
@@ -302,6 +305,7 @@ impl Overrides {
         layer.turntable.degrees = self.turntable_degrees;
 
         layer.render.model = self.model;
+        layer.render.quality = self.quality;
         layer.render.sampling = self.sampling;
         layer.render.candidates = self.candidates;
         layer.render.directions = self.directions;

@@ -149,11 +149,11 @@ fn usual_spp(dims: [u32; 3], size: [u32; 2], per_voxel: u32) -> u32 {
     const MOST: f64 = 128.0;
     let longest = f64::from(dims.into_iter().max().expect("three axes"));
     let voxels_per_pixel = longest * longest / (f64::from(size[0]) * f64::from(size[1]));
-    (f64::from(per_voxel) * voxels_per_pixel.max(1.0)).round().min(MOST) as u32
+    (f64::from(per_voxel) * voxels_per_pixel.max(1.0)).round().min(MOST.max(per_voxel.into())) as u32
 }
 
 fn settings(table: &RenderTable, dims: [u32; 3], views: usize) -> Result<Settings> {
-    let default = Settings::default();
+    let default = table.quality.unwrap_or_default().settings();
     let size = table.size.unwrap_or(default.size);
     let usual_spp = match table.model {
         Some(Model::Path) => default.spp,
