@@ -141,7 +141,10 @@ pub fn run(args: &Args) -> Result<String> {
     sweep.render_references(&mut progress)?;
     sweep.measure_base(&mut progress)?;
     let limit = args.limit.unwrap_or(usize::MAX);
-    bar.suspend(|| say(format!("about {:.0} s of renders to do", sweep.expected_ms(limit) / 1e3)));
+    let expected = sweep.expected_ms(limit);
+    if expected > 0.0 {
+        bar.suspend(|| say(format!("about {:.0} s of renders to do", expected / 1e3)));
+    }
     sweep.measure_rest(limit, &mut progress)?;
     bar.finish_and_clear();
 
