@@ -28,6 +28,7 @@ impl Quality {
                 candidates: 8,
                 directions: 4,
                 environment_directions: 16,
+                projection_steps: 4,
                 spp: 12,
                 ..normal
             },
