@@ -5,7 +5,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::passes::gather::GatherConfig;
-use crate::scene::{Sampling, Scene, Settings};
+use crate::scene::{Environment, Sampling, Scene, Settings};
 
 /// A knob, named as its flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -19,7 +19,9 @@ pub enum Knob {
     Sampling,
     /// Camera rays per pixel.
     Spp,
-    /// Directions that gather the environment.
+    /// Share of the directions that gathers before the last one get.
+    InnerShare,
+    /// Directions that sample the environment, where no gather brings it.
     EnvironmentDirections,
     /// Share of the directions that unseen cells get.
     HiddenShare,
@@ -65,7 +67,12 @@ impl Knob {
     /// Does it change anything in this scene?
     pub fn is_used(self, scene: &Scene) -> bool {
         match self {
-            Knob::EnvironmentDirections => scene.environment.is_some(),
+            Knob::InnerShare => scene.settings.orders > 1,
+            Knob::EnvironmentDirections => match scene.environment {
+                None => false,
+                Some(Environment::Constant(_)) => scene.settings.orders == 1,
+                Some(Environment::LatLong(_)) => true,
+            },
             Knob::Candidates | Knob::ProxyStep | Knob::Defence | Knob::Mask => {
                 GatherConfig::of(&scene.settings).uses_proxy()
             }
@@ -133,6 +140,7 @@ impl Knob {
                     s.environment_directions = n
                 })
             }
+            Knob::InnerShare => [1.0, 0.5, 0.25].iter().map(|share| with(&|s| s.inner_share = *share)).collect(),
             Knob::HiddenShare => {
                 let share = |share: &f32| with(&|s| s.hidden_share = *share);
                 [1.0, 0.5, 0.25, 0.125].iter().map(share).collect()
@@ -205,7 +213,8 @@ pub fn toml_lines(from: &Settings, to: &Settings) -> Vec<String> {
 /// Rough time of a picture, to tell how long a sweep goes on: `parts` are what gathering, the environment and the camera
 /// took with the settings `from`, and what else there was.
 pub fn estimate(parts: [f64; 4], from: &Settings, to: &Settings) -> f64 {
-    let voxels = |s: &Settings| f64::from(s.directions * s.orders.saturating_sub(1)) / f64::from(s.gather_step);
+    let gathers = |s: &Settings| 1.0 + f64::from(s.inner_share) * f64::from(s.orders.saturating_sub(2));
+    let voxels = |s: &Settings| f64::from(s.directions) * gathers(s) / f64::from(s.gather_step);
     let environment = |s: &Settings| f64::from(s.environment_directions) / f64::from(s.gather_step);
     let camera = |s: &Settings| f64::from(s.spp) / f64::from(s.camera_step);
     let hidden = |s: &Settings| 0.3 + f64::from(s.hidden_share);
@@ -232,7 +241,7 @@ mod tests {
         let json = serde_json::to_value(Settings::default()).unwrap();
         let mut fields: Vec<_> = json.as_object().unwrap().keys().cloned().collect();
         let mut known: Vec<_> = Knob::value_variants().iter().map(|k| k.field()).collect();
-        known.extend(["model", "max_events", "size", "seconds", "target_error", "seed"].map(String::from));
+        known.extend(["model", "light_for", "max_events", "size", "seconds", "target_error", "seed"].map(String::from));
         fields.sort();
         known.sort();
         assert_eq!(fields, known);
@@ -240,7 +249,7 @@ mod tests {
 
     #[test]
     fn plan_tries_every_knob_and_every_sampling_once() {
-        let scene = scene(&["--environment", "1"]);
+        let scene = scene(&["--environment", "1", "--sampling", "resample"]);
         let plan = plan(&scene, Knob::value_variants());
         assert_eq!(plan[0].settings, scene.settings);
         for (i, setting) in plan.iter().enumerate() {
@@ -250,7 +259,8 @@ mod tests {
             let candidates_follow = |k: &Knob| setting.knobs.contains(k) || *k == Knob::Candidates;
             assert!(i == 0 || setting.knobs.is_empty() || changed.iter().all(candidates_follow), "{setting:?}");
         }
-        for &knob in Knob::value_variants() {
+        // The gathers bring this environment.
+        for &knob in Knob::value_variants().iter().filter(|&&k| k != Knob::EnvironmentDirections) {
             let values = plan.iter().filter(|s| s.knobs.contains(&knob)).count();
             assert!(values >= 3, "{knob:?} has {values} values");
         }
@@ -261,11 +271,18 @@ mod tests {
 
     #[test]
     fn knobs_that_change_nothing_are_left_out() {
-        let scene = scene(&["--environment", "0", "--sampling", "phase"]);
-        assert!(scene.environment.is_none());
-        let plan = plan(&scene, Knob::value_variants());
+        let is_tried =
+            |scene: &Scene, knob| plan(scene, Knob::value_variants()).iter().any(|s| s.knobs.contains(&knob));
+        let dark = scene(&["--environment", "0", "--sampling", "phase"]);
+        assert!(dark.environment.is_none());
         for knob in [Knob::EnvironmentDirections, Knob::Mask, Knob::Candidates] {
-            assert!(plan.iter().all(|s| !s.knobs.contains(&knob)), "{knob:?}");
+            assert!(!is_tried(&dark, knob), "{knob:?}");
+        }
+        // Without further gathers single scattering samples the environment, and there is no inner gather.
+        let lit = |orders| scene(&["--environment", "1", "--orders", orders]);
+        for (orders, environment) in [("1", true), ("2", false)] {
+            assert_eq!(is_tried(&lit(orders), Knob::EnvironmentDirections), environment, "orders {orders}");
+            assert_eq!(is_tried(&lit(orders), Knob::InnerShare), !environment, "orders {orders}");
         }
     }
 
@@ -273,7 +290,8 @@ mod tests {
     #[test]
     fn flags_and_lines_mean_the_settings() {
         let base = scene(&["--environment", "1"]);
-        let plan = plan(&base, Knob::value_variants());
+        // Of another scene, so that the knobs of candidates are in it.
+        let plan = plan(&scene(&["--environment", "1", "--sampling", "resample"]), Knob::value_variants());
         for setting in &plan {
             let flags = flags(&base.settings, &setting.settings);
             let words: Vec<_> = flags.split_whitespace().collect();

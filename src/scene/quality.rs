@@ -1,6 +1,6 @@
 //! Named sets of defaults, from fast to accurate. What they cost and bring is in docs/tradeoff.md.
 
-use super::{Sampling, Settings};
+use super::Settings;
 
 /// Defaults of the knobs that trade accuracy for time; whatever a flag or a scene file says goes over them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
@@ -22,11 +22,9 @@ impl Quality {
     pub fn settings(self) -> Settings {
         let normal = Settings::default();
         match self {
-            // `phase` has less noise than `resample` at the same cost on the volumes measured.
             Quality::Draft => Settings {
-                sampling: Sampling::Phase,
-                candidates: 8,
-                directions: 4,
+                candidates: 16,
+                directions: 12,
                 environment_directions: 16,
                 projection_steps: 4,
                 spp: 12,
@@ -34,18 +32,16 @@ impl Quality {
             },
             Quality::Normal => normal,
             Quality::High => Settings {
-                sampling: Sampling::Phase,
-                candidates: 128,
-                directions: 64,
+                candidates: 256,
+                directions: 192,
                 environment_directions: 128,
                 gather_step: 0.5,
                 spp: 96,
                 ..normal
             },
             Quality::Reference => Settings {
-                sampling: Sampling::Phase,
-                candidates: 512,
-                directions: 256,
+                candidates: 1024,
+                directions: 768,
                 environment_directions: 512,
                 hidden_share: 1.0,
                 camera_step: 0.25,
