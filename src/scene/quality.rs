@@ -32,8 +32,8 @@ impl Quality {
             },
             Quality::Normal => normal,
             Quality::High => Settings {
-                candidates: 256,
-                directions: 192,
+                candidates: 192,
+                directions: 128,
                 environment_directions: 128,
                 gather_step: 0.5,
                 spp: 96,
