@@ -31,6 +31,7 @@ fn scene(noise: Option<f64>, transfer: &str) -> Scene {
         size = [64, 64]
         spp = 1
         orders = 2
+        sampling = "resample"
         candidates = 4
         directions = 2
         environment_directions = 1

@@ -188,7 +188,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     let occupied = skip(Measure::Occupied, OCTREE_EDGE);
     let octree = Cubes::new(ctx, occupied.image.extent())?;
     let octree_ms = build(&mut |rec| octree.record(rec, occupied.image))? + occupied.ms;
-    let mips = Mips::new(ctx, dims)?;
+    let mips = Mips::new(ctx, dims, 3)?;
     let mips_ms = build(&mut |rec| mips.record(rec, &lit.source))?;
     let mut proxies = Vec::new();
     for (of, bits) in [(&lit.source, 4u32), (&mips.means[0], 4), (&mips.means[0], 8)] {

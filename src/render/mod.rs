@@ -9,6 +9,7 @@ use crate::passes::classify::{Classify, Emitted};
 use crate::passes::compact::{Chunk, ChunkArgs, List, Listed, Marks};
 use crate::passes::emptiness::Emptiness;
 use crate::passes::gather::{Gather, GatherArgs, GatherConfig, Gathered};
+use crate::passes::mips::Mips;
 use crate::passes::phong::Phong;
 use crate::passes::project::{Kept, Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
@@ -129,7 +130,8 @@ struct Scatter {
     gather: Option<Gather>,
     /// The gather of emitted light, and its classification.
     emission: Option<(Gather, Classify)>,
-    proxy: Option<Proxy>,
+    /// The proxy, and the means over voxels that it is made of: values at voxel centres miss what lies between them.
+    proxy: Option<(Proxy, Mips)>,
     projection: Projection,
     /// The voxels that it writes.
     nodes: List,
@@ -220,7 +222,7 @@ impl<'a> Renderer<'a> {
                         zero_colors: internals.zero_bucket_colors,
                         withhold: 0,
                     };
-                    Some(Proxy::new(ctx, &data, config)?)
+                    Some((Proxy::new(ctx, &data, config)?, Mips::new(ctx, dims, 1)?))
                 } else {
                     None
                 },
@@ -457,7 +459,7 @@ impl<'a> Renderer<'a> {
                 share,
             });
         }
-        if let Some(proxy) = &scatter.proxy {
+        if let Some((proxy, _)) = &scatter.proxy {
             proxy.record_clear(&mut rec);
         }
         queue.submit(rec, 0.0, "scattering")?;
@@ -536,15 +538,11 @@ impl<'a> Renderer<'a> {
             }
             for order in 2..=self.orders {
                 let mut rec = Recorder::new(ctx)?;
-                if let Some(proxy) = &scatter.proxy {
-                    proxy.record(
-                        &mut rec,
-                        data,
-                        &scatter.nodes,
-                        &node_args,
-                        &source.unwrap_or(&scatter.source).a,
-                        order,
-                    );
+                if let Some((proxy, mips)) = &scatter.proxy {
+                    rec.begin_pass("proxy.means", order);
+                    mips.record(&mut rec, &source.unwrap_or(&scatter.source).a);
+                    rec.end_pass();
+                    proxy.record(&mut rec, data, &scatter.nodes, &node_args, &mips.means[0], order);
                     let at = (constants::PROXY_WORDS * (order - 1)) as usize;
                     rec.barrier(Access::ComputeReadWrite, Access::TransferRead);
                     rec.copy(proxy.control(), 0, &self.proxy_log, at, constants::PROXY_WORDS as usize);
@@ -561,7 +559,7 @@ impl<'a> Renderer<'a> {
                     let Some(source) = source else { continue };
                     let args = &cells.gather.as_ref().expect("arguments of the gather")[usize::from(is_last)];
                     self.for_chunks(cells.list, queue, "multiple scattering", gather.rays(share), |rec, chunk| {
-                        let proxy = scatter.proxy.as_ref();
+                        let proxy = self.proxy();
                         gather.record(rec, &scattering, chunk, args, proxy, source, order, 0, is_last);
                     })?;
                 }
@@ -678,7 +676,7 @@ impl<'a> Renderer<'a> {
 
     /// The proxy of the last order that built one, for tests.
     pub fn proxy(&self) -> Option<&Proxy> {
-        self.scatter.as_ref()?.proxy.as_ref()
+        self.scatter.as_ref()?.proxy.as_ref().map(|(proxy, _)| proxy)
     }
 
     /// Cells that get all directions and such that get a share of them, of the latest render, for tests.
