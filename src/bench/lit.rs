@@ -72,7 +72,6 @@ impl Lit {
         let args = cells.chunk_args(ctx, &mut rec, 1)?;
         source.clear(&mut rec);
         projection.record_clear_all(&mut rec);
-        projection.record_clear(&mut rec);
         rec.submit_and_wait()?;
         let scattering = Scattering {
             scene: &self.data,
