@@ -8,7 +8,7 @@ use crate::passes::order_compute;
 use crate::vk::{Context, Recorder};
 use crate::{Error, Result};
 
-/// Times of what a recorder recorded [ms].
+/// Times of what a recorder recorded, in ms.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
     /// By GPU timestamps.
@@ -43,7 +43,7 @@ pub(crate) fn time(ctx: &Context, mut record: impl FnMut(&mut Recorder)) -> Resu
     }
 }
 
-/// CPU time of all threads of the process so far [ms]; Linux only.
+/// CPU time of all threads of the process so far, in ms; Linux only.
 fn cpu_time() -> Option<f64> {
     let threads = std::fs::read_dir("/proc/self/task").ok()?;
     let of = |thread: std::io::Result<std::fs::DirEntry>| -> Option<f64> {

@@ -44,7 +44,7 @@ pub struct Row {
     pub structure: String,
     /// Does it find what uniform steps find?
     pub is_exact: bool,
-    /// GPU time of its construction, median [ms].
+    /// GPU time of its construction, median, in ms.
     pub build_ms: f64,
     /// Device memory of what rays read beside the source.
     pub bytes: u64,
@@ -54,11 +54,11 @@ pub struct Row {
     pub trilinear: f64,
     /// Nearest reads per ray.
     pub nearest: f64,
-    /// GPU time of all rays, median [ms].
+    /// GPU time of all rays, median, in ms.
     pub ms: f64,
-    /// Least and largest time of all runs [ms].
+    /// Least and largest time of all runs, in ms.
     pub range_ms: [f64; 2],
-    /// CPU time of all rays where the device is a CPU, median [ms].
+    /// CPU time of all rays where the device is a CPU, median, in ms.
     pub cpu_ms: Option<f64>,
     /// Rays per second by GPU timestamps.
     pub rays_per_second: f64,
