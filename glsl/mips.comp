@@ -7,6 +7,8 @@ layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
 // Blocks of 2^LEVEL voxels along their edge, made from those of the level before.
 layout(constant_id = 0) const uint LEVEL = 0u;
+// Somebody reads `values`.
+layout(constant_id = 1) const bool HAS_VALUES = true;
 
 // Rgb = source function, and for level 2: times extinction; a = extinction. For level 0: the source.
 layout(set = 0, binding = 1) uniform sampler3D before;
@@ -40,6 +42,8 @@ void main() {
     }
     vec4 mean = sum / parts;
     vec3 light = mean.a > 0.0 ? mean.rgb / mean.a : vec3(0.0);
-    imageStore(values, block, uvec4(packHalf2x16(vec2(dot(light, vec3(1.0 / 3.0)), mean.a))));
+    if (HAS_VALUES) {
+        imageStore(values, block, uvec4(packHalf2x16(vec2(dot(light, vec3(1.0 / 3.0)), mean.a))));
+    }
     imageStore(means, block, LEVEL == 0u ? vec4(light, mean.a) : mean);
 }

@@ -202,6 +202,11 @@ impl VolumeStats {
     }
 }
 
+/// Sizes for people: `256x256x108`.
+pub fn times<T: ToString>(sizes: &[T]) -> String {
+    sizes.iter().map(T::to_string).collect::<Vec<_>>().join("x")
+}
+
 /// Times by pass and iteration.
 pub fn pass_stats(times: &[TimedPass]) -> Vec<PassStats> {
     let of = |t: &TimedPass| PassStats {

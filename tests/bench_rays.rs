@@ -60,7 +60,7 @@ impl World {
         let ids = ctx.image_3d("ids", dims, ImageFormat::R32Uint).unwrap();
         let layer = (dims[0] * dims[1]) as usize;
         ctx.upload_image(&ids, |z| id_texels[z.start as usize * layer..z.end as usize * layer].to_vec()).unwrap();
-        let (cubes, mips) = (Cubes::new(ctx, dims).unwrap(), Mips::new(ctx, dims, 3).unwrap());
+        let (cubes, mips) = (Cubes::new(ctx, dims).unwrap(), Mips::new(ctx, dims).unwrap());
         let mut rec = Recorder::new(ctx).unwrap();
         cubes.record(&mut rec, &ids);
         mips.record(&mut rec, &source);

@@ -28,7 +28,7 @@ fn means_agree_with_the_twin() {
                 texel.w = if i % 2 == 0 { 0.0 } else { texel.w / 900.0 };
                 texel.w = f16::from_f32(texel.w).to_f32();
             }
-            let pass = Mips::new(ctx, dims, 3).unwrap();
+            let pass = Mips::new(ctx, dims).unwrap();
             let mut rec = Recorder::new(ctx).unwrap();
             pass.record(&mut rec, &image(ctx, "source", &source));
             rec.submit_and_wait().unwrap();
@@ -55,7 +55,7 @@ fn means_agree_with_the_twin() {
 fn a_uniform_medium_stays_what_it_is() {
     gpu_test(|ctx| {
         let dims = [6, 5, 7];
-        let pass = Mips::new(ctx, dims, 3).unwrap();
+        let pass = Mips::new(ctx, dims).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         let uniform = Vec4::new(4.0, 8.0, 12.0, 0.5);
         pass.record(&mut rec, &image(ctx, "source", &Texture::filled(dims, uniform)));

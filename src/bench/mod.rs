@@ -4,6 +4,7 @@
 pub mod lit;
 pub mod proxy;
 
+use crate::measure::processor_ms;
 use crate::passes::order_compute;
 use crate::vk::{Context, Recorder};
 use crate::{Error, Result};
@@ -24,34 +25,32 @@ impl Timing {
     }
 }
 
-/// Times what `record` records.
+/// Times what `record` records, as one pass.
+///
+/// Errors: as [`time_passes`].
+pub(crate) fn time(ctx: &Context, mut record: impl FnMut(&mut Recorder)) -> Result<Timing> {
+    time_passes(ctx, |rec| {
+        rec.begin_pass("bench", 0);
+        record(rec);
+        order_compute(rec);
+        rec.end_pass();
+    })
+}
+
+/// Times the passes that `record` records, together.
 ///
 /// Errors: the device has no timestamps, or fails.
-pub(crate) fn time(ctx: &Context, mut record: impl FnMut(&mut Recorder)) -> Result<Timing> {
+pub(crate) fn time_passes(ctx: &Context, mut record: impl FnMut(&mut Recorder)) -> Result<Timing> {
     let mut rec = Recorder::new(ctx)?;
-    rec.begin_pass("bench", 0);
     record(&mut rec);
-    order_compute(&mut rec);
-    rec.end_pass();
-    let before = cpu_time();
+    let before = processor_ms();
     let gpu = rec.submit_and_wait()?.iter().map(|pass| pass.ms).sum();
-    let cpu = if ctx.is_cpu() { cpu_time().zip(before).map(|(after, before)| after - before) } else { None };
+    let cpu = if ctx.is_cpu() { processor_ms().zip(before).map(|(after, before)| after - before) } else { None };
     if gpu > 0.0 {
         Ok(Timing { gpu, cpu: cpu.filter(|&ms| ms > 0.0) })
     } else {
         Err(Error::input("--device", "the device has no timestamps", "choose another one: see `tyndall devices`"))
     }
-}
-
-/// CPU time of all threads of the process so far, in ms; Linux only.
-fn cpu_time() -> Option<f64> {
-    let threads = std::fs::read_dir("/proc/self/task").ok()?;
-    let of = |thread: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
-        // Time on a CPU [ns], time in a queue, number of slices.
-        let text = std::fs::read_to_string(thread.ok()?.path().join("schedstat")).ok()?;
-        text.split_whitespace().next()?.parse::<f64>().ok()
-    };
-    Some(threads.filter_map(of).sum::<f64>() * 1e-6)
 }
 
 /// The middle one, or the mean of the two in the middle; 0 of nothing.
@@ -64,17 +63,7 @@ pub fn median(values: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{cpu_time, median};
-
-    #[test]
-    fn cpu_time_passes() {
-        let Some(before) = cpu_time() else { return };
-        let mut x = 1u64;
-        while cpu_time().unwrap() < before + 5.0 {
-            x = std::hint::black_box(x.wrapping_mul(3));
-        }
-        assert!(x != 0);
-    }
+    use super::median;
 
     #[test]
     fn medians() {

@@ -6,7 +6,7 @@
 //! differences to traced rays, with the best M and N.
 
 use super::lit::Lit;
-use super::{Timing, median, time};
+use super::{Timing, median, time, time_passes};
 use crate::passes::bench_rays::{BenchRays, RayConfig, RayInputs};
 use crate::passes::cubes::Cubes;
 use crate::passes::emptiness::{Emptiness, Measure};
@@ -167,16 +167,17 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     let runs = config.runs;
 
     // Build everything.
-    let build = |record: &mut dyn FnMut(&mut Recorder)| -> Result<f64> {
-        time(ctx, &mut *record)?; // lavapipe compiles at first use
-        let times = (0..runs).map(|_| Ok(time(ctx, &mut *record)?.gpu)).collect::<Result<Vec<_>>>()?;
+    let median_of = |once: &dyn Fn() -> Result<Timing>| -> Result<f64> {
+        once()?; // lavapipe compiles at first use
+        let times = (0..runs).map(|_| Ok(once()?.gpu)).collect::<Result<Vec<_>>>()?;
         Ok(median(&times))
     };
+    let build = |record: &dyn Fn(&mut Recorder)| median_of(&|| time(ctx, record));
     let mut skips = Vec::new();
     for measure in [Measure::Occupied, Measure::Distance, Measure::Octants] {
         for edge in EDGES {
             let emptiness = Emptiness::new(ctx, dims, edge, measure)?;
-            let ms = build(&mut |rec| emptiness.record(rec, data, &lit.source))?;
+            let ms = build(&|rec| emptiness.record(rec, data, &lit.source))?;
             skips.push((measure, edge, emptiness, ms));
         }
     }
@@ -187,9 +188,9 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     };
     let occupied = skip(Measure::Occupied, OCTREE_EDGE);
     let octree = Cubes::new(ctx, occupied.image.extent())?;
-    let octree_ms = build(&mut |rec| octree.record(rec, occupied.image))? + occupied.ms;
-    let mips = Mips::new(ctx, dims, 3)?;
-    let mips_ms = build(&mut |rec| mips.record(rec, &lit.source))?;
+    let octree_ms = build(&|rec| octree.record(rec, occupied.image))? + occupied.ms;
+    let mips = Mips::new(ctx, dims)?;
+    let mips_ms = build(&|rec| mips.record(rec, &lit.source))?;
     let mut proxies = Vec::new();
     for (of, bits) in [(&lit.source, 4u32), (&mips.means[0], 4), (&mips.means[0], 8)] {
         let mask = [(0xFFu32 << (8 - bits)) as u8; 4];
@@ -198,10 +199,10 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
         let args = lit.node_args(ctx, &mut rec)?;
         proxy.record_clear(&mut rec);
         rec.submit_and_wait()?;
-        let ms = build(&mut |rec| proxy.record_untimed(rec, data, &lit.nodes, &args, of))?;
+        let ms = median_of(&|| time_passes(ctx, |rec| proxy.record(rec, data, &lit.nodes, &args, of, 0)))?;
         proxy.check(ctx)?;
         let cubes = Cubes::new(ctx, dims)?;
-        let cubes_ms = build(&mut |rec| cubes.record(rec, proxy.bucket_id()))? + ms;
+        let cubes_ms = build(&|rec| cubes.record(rec, proxy.bucket_id()))? + ms;
         let buckets = Proxy::counts(&ctx.read_back(proxy.control())?).buckets;
         proxies.push((bits, proxy, ms, cubes, cubes_ms, 4 * u64::from(buckets)));
     }

@@ -5,27 +5,23 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Instant;
 
-use super::DeviceArgs;
 use super::render::{progress_bar, show};
+use super::{DeviceArgs, ReportArgs, SceneArgs};
 use crate::output::{self, BitDepth, Format, Picture, PngOptions};
 use crate::render::{self, Internals, Progress, Renderer};
-use crate::scene::{self, Exposure, Model, Scene};
+use crate::scene::{Exposure, Model, Scene};
 use crate::stats::{BatchStats, FrameStats, Outcome, PassStats, Stats, VolumeStats, add_passes};
-use crate::vk::Context;
+use crate::vk::{Context, no_messages};
 use crate::{Error, Result};
 
 /// Render the frames of a turntable. Frames that are there already are skipped.
 ///
 /// The camera of the scene goes around the vertical axis through the volume's centre; light is computed once where it
-/// is for every view (--light-for, the default here).
+/// is for every view (--light-for, the default here). --stats has the figures of every frame, too.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Scene file (TOML); flags override what it says.
-    #[arg(value_name = "SCENE.toml")]
-    scene: Option<PathBuf>,
-
     #[command(flatten)]
-    overrides: scene::Overrides,
+    scene: SceneArgs,
 
     /// Frames A to B - 1 of the turntable, counted from 0 [default: all]
     #[arg(long, value_name = "A..B", value_parser = frame_range, help_heading = "Output")]
@@ -44,17 +40,8 @@ pub struct Args {
     #[arg(long, help_heading = "Output")]
     force: bool,
 
-    /// Write times and figures of the run and of every frame to a JSON file.
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
-    stats: Option<PathBuf>,
-
-    /// Print times and figures of the run as JSON instead of text.
-    #[arg(long, help_heading = "Output")]
-    json: bool,
-
-    /// No progress bar, nothing on stdout.
-    #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
-    quiet: bool,
+    #[command(flatten)]
+    report: ReportArgs,
 
     #[command(flatten)]
     device: DeviceArgs,
@@ -103,10 +90,10 @@ pub fn run(args: &Args) -> Result<String> {
     let start = Instant::now();
     // A name that no frame has; only its folder and its extension matter.
     output::check_picture_path(&args.output.path(u32::MAX))?;
-    if let Some(path) = &args.stats {
+    if let Some(path) = &args.report.stats {
         output::check_writable(path)?;
     }
-    let scene = scene::load_scene(args.scene.as_deref(), &args.overrides)?;
+    let scene = args.scene.load()?;
     let count = scene.views.len() as u32;
     if count == 0 {
         let cure = "give --turntable 36, or [turntable] frames = 36 in the scene";
@@ -126,7 +113,7 @@ pub fn run(args: &Args) -> Result<String> {
         .into_iter()
         .map(|frame| FrameStats::new(frame, args.output.path(frame), Outcome::Skipped, vec![]))
         .collect();
-    let bar = progress_bar(args.quiet);
+    let bar = progress_bar(args.report.quiet);
     for (i, &frame) in wanted.iter().enumerate() {
         let mut progress =
             |p: Progress| show(&bar, &Progress { done: (i as f64 + p.done) / wanted.len() as f64, phase: p.phase });
@@ -147,24 +134,21 @@ pub fn run(args: &Args) -> Result<String> {
 
     let stats = batch.stats(frames, start.elapsed().as_secs_f64() * 1e3);
     drop(batch);
-    if let Some(path) = &args.stats {
+    if let Some(path) = &args.report.stats {
         stats.write(path)?;
     }
-    let messages = ctx.close();
-    if let Some(first) = messages.first() {
-        return Err(Error::Validation { count: messages.len(), first: first.to_string() });
-    }
+    no_messages(&ctx.close())?;
     let of = |outcome| stats.frames.iter().filter(|f| f.outcome == outcome).count();
     let failed = of(Outcome::Failed);
     if failed > 0 {
         return Err(Error::Frames { failed, count: stats.frames.len() });
     }
-    if args.json {
+    if args.report.json {
         return Ok(stats.to_json());
     }
     let (rendered, skipped) = (of(Outcome::Rendered), of(Outcome::Skipped));
     let text = || format!("{}\n{rendered} frames rendered, {skipped} were there already\n", stats.all.table());
-    Ok(if args.quiet { String::new() } else { text() })
+    Ok(if args.report.quiet { String::new() } else { text() })
 }
 
 /// What renders the frames.
@@ -218,9 +202,7 @@ impl<'a> Batch<'a> {
             }
             None => render::render(self.ctx, &self.scene, progress)?,
         };
-        if let Some(first) = self.ctx.messages().first() {
-            return Err(Error::Validation { count: self.ctx.messages().len(), first: first.to_string() });
-        }
+        no_messages(&self.ctx.messages())?;
         let passes = stats.passes.clone();
         add_passes(&mut self.passes, &passes);
         self.first.get_or_insert(stats);

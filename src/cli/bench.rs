@@ -1,14 +1,14 @@
 //! `tyndall bench`: what this device is fast at.
 
 use super::render::{progress_bar, show};
-use super::{DeviceArgs, in_string, times};
-use crate::bench::proxy::{self, Row, Table};
+use super::{DeviceArgs, SceneArgs, in_string};
+use crate::Result;
+use crate::bench::proxy::{self, Row, Table, TwoLevel};
 use crate::output;
 use crate::render::Progress;
 use crate::scene::{self, Scene};
-use crate::stats::{DeviceStats, to_json};
-use crate::vk::Context;
-use crate::{Error, Result};
+use crate::stats::{DeviceStats, times, to_json};
+use crate::vk::{Context, no_messages};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -35,12 +35,8 @@ pub fn run(args: &Args) -> Result<String> {
 /// Compare structures that rays skip by, and cheap estimates of what rays find, on light scattered once.
 #[derive(clap::Args, Debug)]
 pub struct ProxyArgs {
-    /// Scene file (TOML); flags override what it says.
-    #[arg(value_name = "SCENE.toml")]
-    scene: Option<PathBuf>,
-
     #[command(flatten)]
-    overrides: scene::Overrides,
+    scene: SceneArgs,
 
     /// The phantoms skull, head, heart, tree and cloud, of VOXELS along each axis.
     #[arg(
@@ -92,9 +88,9 @@ const PHANTOMS: [&str; 5] = ["skull", "head", "heart", "tree", "cloud"];
 
 impl ProxyArgs {
     fn scenes(&self) -> Result<Vec<Scene>> {
-        let Some(edge) = self.all else { return Ok(vec![scene::load_scene(self.scene.as_deref(), &self.overrides)?]) };
+        let Some(edge) = self.all else { return Ok(vec![self.scene.load()?]) };
         let of = |name: &&str| {
-            let mut overrides = self.overrides.clone();
+            let mut overrides = self.scene.overrides.clone();
             overrides.volume = Some(format!("phantom:{name}:{edge}x{edge}x{edge}").into());
             scene::load_scene(None, &overrides)
         };
@@ -119,10 +115,7 @@ fn run_proxy(args: &ProxyArgs) -> Result<String> {
         })?);
     }
     bar.finish_and_clear();
-    let messages = ctx.close();
-    if let Some(first) = messages.first() {
-        return Err(Error::Validation { count: messages.len(), first: first.to_string() });
-    }
+    no_messages(&ctx.close())?;
     if let Some(path) = &args.csv {
         output::write_atomically(path, csv(&tables).as_bytes())?;
     }
@@ -191,38 +184,39 @@ fn line(row: &Row) -> String {
 }
 
 fn csv(tables: &[Table]) -> String {
-    in_string(|out| {
-        writeln!(
-            out,
-            "volume,structure,exact,build_ms,bytes,steps,trilinear,nearest,ms,rays_per_second,relative_time,error,bias,\
-             transmittance_error,estimate_variance,residual_variance,gain,estimates_per_ray"
-        )?;
-        for t in tables {
-            for r in &t.rows {
-                let two_level = r.two_level.map_or_else(
-                    || ",,,".to_owned(),
-                    |t| format!("{},{},{},{}", t.estimate_variance, t.residual_variance, t.gain, t.estimates_per_ray),
-                );
-                writeln!(
-                    out,
-                    "\"{}\",\"{}\",{},{},{},{},{},{},{},{},{},{},{},{},{two_level}",
-                    t.volume.replace('"', "\"\""),
-                    r.structure,
-                    r.is_exact,
-                    r.build_ms,
-                    r.bytes,
-                    r.steps,
-                    r.trilinear,
-                    r.nearest,
-                    r.ms,
-                    r.rays_per_second,
-                    r.relative_time,
-                    r.error,
-                    r.bias,
-                    r.transmittance_error,
-                )?;
-            }
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    let rows = tables.iter().flat_map(|t| t.rows.iter().map(move |r| columns(t, r)));
+    for (i, columns) in rows.enumerate() {
+        if i == 0 {
+            csv.write_record(columns.iter().map(|c| c.0)).expect("a vector takes any record");
         }
-        Ok(())
-    })
+        csv.write_record(columns.iter().map(|c| &c.1)).expect("a vector takes any record");
+    }
+    let bytes = csv.into_inner().expect("a vector takes any record");
+    String::from_utf8(bytes).expect("CSV of text is text")
+}
+
+/// Names and values of the CSV.
+fn columns(t: &Table, r: &Row) -> Vec<(&'static str, String)> {
+    let of = |value: fn(&TwoLevel) -> f64| r.two_level.as_ref().map_or_else(String::new, |t| value(t).to_string());
+    vec![
+        ("volume", t.volume.clone()),
+        ("structure", r.structure.clone()),
+        ("exact", r.is_exact.to_string()),
+        ("build_ms", r.build_ms.to_string()),
+        ("bytes", r.bytes.to_string()),
+        ("steps", r.steps.to_string()),
+        ("trilinear", r.trilinear.to_string()),
+        ("nearest", r.nearest.to_string()),
+        ("ms", r.ms.to_string()),
+        ("rays_per_second", r.rays_per_second.to_string()),
+        ("relative_time", r.relative_time.to_string()),
+        ("error", r.error.to_string()),
+        ("bias", r.bias.to_string()),
+        ("transmittance_error", r.transmittance_error.to_string()),
+        ("estimate_variance", of(|t| t.estimate_variance)),
+        ("residual_variance", of(|t| t.residual_variance)),
+        ("gain", of(|t| t.gain)),
+        ("estimates_per_ray", of(|t| t.estimates_per_ray)),
+    ]
 }

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::times;
 use crate::Result;
 use crate::measure::metrics::{self, Metrics};
 use crate::output::{self, Format};
+use crate::stats::times;
 use crate::stats::to_json;
 
 /// Compare two pictures (PNG, EXR or HDR) of the same size in linear radiance.

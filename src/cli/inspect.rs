@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::{in_string, times};
+use super::in_string;
 use crate::Result;
 use crate::scene::RawFlags;
-use crate::stats::to_json;
+use crate::stats::{times, to_json};
 use crate::volume::{self, ScalarType, Volume};
 
 /// Show a volume's size, placement, values, and how much of it thresholds leave.

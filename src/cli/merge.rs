@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use super::times;
 use crate::output::{self, BitDepth, PngOptions};
 use crate::render::state::State;
 use crate::scene::ToneCurve;
 use crate::scene::values::ExposureValue;
+use crate::stats::times;
 use crate::{Error, Result};
 
 /// Merge saved renders (render --model path --state FILE) of the same scene and different seeds.

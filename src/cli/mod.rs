@@ -10,7 +10,10 @@ pub mod render;
 pub mod tradeoff;
 pub mod verify;
 
+use std::path::PathBuf;
+
 use crate::Result;
+use crate::scene;
 use crate::vk::{ContextConfig, Validation, user_cache_dir};
 
 /// Headless volume renderer with physically based multiple scattering.
@@ -53,6 +56,41 @@ impl Cli {
     }
 }
 
+/// The scene of every command that renders one.
+#[derive(clap::Args, Debug)]
+pub struct SceneArgs {
+    /// Scene file (TOML); flags override what it says.
+    #[arg(value_name = "SCENE.toml")]
+    scene: Option<PathBuf>,
+
+    #[command(flatten)]
+    overrides: scene::Overrides,
+}
+
+impl SceneArgs {
+    /// The scene.
+    fn load(&self) -> Result<scene::Scene> {
+        scene::load_scene(self.scene.as_deref(), &self.overrides)
+    }
+}
+
+/// What commands that render tell of their run.
+#[derive(clap::Args, Debug)]
+#[command(next_help_heading = "Output")]
+pub struct ReportArgs {
+    /// Write times and figures of the run to a JSON file.
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+
+    /// Print times and figures of the run as JSON instead of text.
+    #[arg(long)]
+    json: bool,
+
+    /// No progress bar, nothing on stdout.
+    #[arg(short, long, conflicts_with = "json")]
+    quiet: bool,
+}
+
 /// Flags of every command that computes on a device.
 #[derive(clap::Args, Debug)]
 #[command(next_help_heading = "Device")]
@@ -89,11 +127,6 @@ fn in_string(write: impl FnOnce(&mut String) -> std::fmt::Result) -> String {
     let mut text = String::new();
     write(&mut text).expect("writing to a String cannot fail");
     text
-}
-
-/// `256x256x108`.
-fn times<T: ToString>(sizes: &[T]) -> String {
-    sizes.iter().map(T::to_string).collect::<Vec<_>>().join("x")
 }
 
 /// The name that a value has on the command line.

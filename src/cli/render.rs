@@ -5,23 +5,19 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{DeviceArgs, name_of, times};
+use super::{DeviceArgs, ReportArgs, SceneArgs, name_of};
 use crate::output::{self, BitDepth, PngOptions};
 use crate::render::{self, Progress};
-use crate::scene::{self, Model, Sampling, Scene, UNLIMITED};
-use crate::stats::Stats;
-use crate::vk::Context;
+use crate::scene::{Model, Sampling, Scene, UNLIMITED};
+use crate::stats::{Stats, times};
+use crate::vk::{Context, no_messages};
 use crate::{Error, Result};
 
 /// Render one picture. Without arguments: the embedded phantom, to tyndall.png.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Scene file (TOML); flags override what it says.
-    #[arg(value_name = "SCENE.toml")]
-    scene: Option<PathBuf>,
-
     #[command(flatten)]
-    overrides: scene::Overrides,
+    scene: SceneArgs,
 
     /// Picture to write: .png (exposed, tone-mapped, sRGB) or .exr (32-bit float, linear radiance).
     #[arg(short, long, value_name = "FILE", default_value = "tyndall.png", help_heading = "Output")]
@@ -35,17 +31,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     state: Option<PathBuf>,
 
-    /// Write times and figures of the run to a JSON file.
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
-    stats: Option<PathBuf>,
-
-    /// Print times and figures of the run as JSON instead of text.
-    #[arg(long, help_heading = "Output")]
-    json: bool,
-
-    /// No progress bar, nothing on stdout.
-    #[arg(short, long, conflicts_with = "json", help_heading = "Output")]
-    quiet: bool,
+    #[command(flatten)]
+    report: ReportArgs,
 
     #[command(flatten)]
     device: DeviceArgs,
@@ -54,10 +41,10 @@ pub struct Args {
 /// Runs the command. Everything that can be refused is refused before the device starts to work.
 pub fn run(args: &Args) -> Result<String> {
     output::check_picture_path(&args.output)?;
-    if let Some(path) = &args.stats {
+    if let Some(path) = &args.report.stats {
         output::check_writable(path)?;
     }
-    let scene = scene::load_scene(args.scene.as_deref(), &args.overrides)?;
+    let scene = args.scene.load()?;
     if let Some(path) = &args.state {
         output::check_writable(path)?;
         if scene.settings.model != Model::Path {
@@ -66,7 +53,7 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let ctx = Context::new(&args.device.config())?;
 
-    let bar = progress_bar(args.quiet);
+    let bar = progress_bar(args.report.quiet);
     let mut progress = |progress: Progress| show(&bar, &progress);
     let (picture, stats) = match &args.state {
         Some(path) => render::path::render(&ctx, &scene, Some(path), &mut progress)?,
@@ -75,20 +62,17 @@ pub fn run(args: &Args) -> Result<String> {
     bar.finish_and_clear();
 
     // The figures count the messages, so they are written even when validation fails; the picture is not.
-    if let Some(path) = &args.stats {
+    if let Some(path) = &args.report.stats {
         stats.write(path)?;
     }
-    let messages = ctx.close();
-    if let Some(first) = messages.first() {
-        return Err(Error::Validation { count: messages.len(), first: first.to_string() });
-    }
+    no_messages(&ctx.close())?;
     let png = PngOptions { bits: args.bits, exposure: scene.exposure, tone: scene.tone };
     let stops = output::write_picture(&args.output, &picture, &png)?;
 
-    if args.json {
+    if args.report.json {
         return Ok(stats.to_json());
     }
-    Ok(if args.quiet { String::new() } else { report(args, &scene, &stats, stops) })
+    Ok(if args.report.quiet { String::new() } else { report(args, &scene, &stats, stops) })
 }
 
 /// Steps of the progress bar.

@@ -6,13 +6,15 @@ use std::path::PathBuf;
 use clap::ValueEnum as _;
 
 use super::render::{progress_bar, show};
-use super::{DeviceArgs, name_of, times};
+use super::{DeviceArgs, SceneArgs, name_of};
 use crate::measure::front::Goal;
 use crate::measure::knobs::Knob;
+use crate::measure::processor_ms;
 use crate::measure::report::Report;
-use crate::measure::sweep::{Clock, Effort, Options, Sweep, processor_ms};
+use crate::measure::sweep::{Clock, Effort, Options, Sweep};
 use crate::render::Progress;
 use crate::scene::{self, Model};
+use crate::stats::times;
 use crate::vk::Context;
 use crate::{Error, Result};
 
@@ -22,15 +24,12 @@ const SIZE: [u32; 2] = [128, 128];
 /// Measure what the knobs of the model multiple cost and bring: error (bias and noise apart) and GPU time of many
 /// settings around the scene's own, against the path tracer. Writes a page (index.html), plots, CSV and JSON.
 ///
-/// What is measured is kept in the folder: a sweep that was stopped goes on where it was.
+/// Pictures are 128x128 unless --size is given. What is measured is kept in the folder: a sweep that was stopped goes on
+/// where it was.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Scene file (TOML); flags override what it says, but pictures are 128x128 unless --size is given.
-    #[arg(value_name = "SCENE.toml")]
-    scene: Option<PathBuf>,
-
     #[command(flatten)]
-    overrides: scene::Overrides,
+    scene: SceneArgs,
 
     /// Folder to write to; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", help_heading = "Sweep")]
@@ -76,7 +75,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<String> {
-    let mut overrides = args.overrides.clone();
+    let mut overrides = args.scene.overrides.clone();
     overrides.layer()?;
     // The path tracer's stops are this command's goals.
     let goals = [overrides.target_error.take().map(Goal::Error), overrides.seconds.take().map(Goal::Time)];
@@ -96,10 +95,10 @@ pub fn run(args: &Args) -> Result<String> {
         let problem = "this system does not tell the processor time";
         return Err(Error::usage("--clock", problem, "leave it out: the device's timestamps count"));
     }
-    let scene = scene::load_scene(args.scene.as_deref(), &overrides)?;
+    let scene = scene::load_scene(args.scene.scene.as_deref(), &overrides)?;
     let model = scene.settings.model;
     if model != Model::Multiple {
-        let what = args.scene.as_ref().map_or("--model".into(), |path| path.display().to_string());
+        let what = args.scene.scene.as_ref().map_or("--model".into(), |path| path.display().to_string());
         let problem = format!("the model is {}, but the knobs are those of multiple", name_of(&model));
         return Err(Error::input(what, problem, "add --model multiple"));
     }

@@ -9,7 +9,7 @@ use super::render::{progress_bar, show};
 use super::{DeviceArgs, in_string, name_of};
 use crate::stats::{DeviceStats, to_json};
 use crate::verify::{self, Check, Group, Report};
-use crate::vk::Context;
+use crate::vk::{Context, no_messages};
 use crate::{Error, Result};
 
 /// Check this device against closed forms, reference values and the CPU; about a minute on a CPU with two cores. The
@@ -43,8 +43,8 @@ pub fn run(args: &Args) -> Result<String> {
     bar.finish_and_clear();
     let messages = ctx.close();
     let text = if args.json { to_json(&object(&report)) } else { text(&report) };
-    let error = if let Some(first) = messages.first() {
-        Error::Validation { count: messages.len(), first: first.to_string() }
+    let error = if let Err(error) = no_messages(&messages) {
+        error
     } else if report.passes() {
         return Ok(text);
     } else {

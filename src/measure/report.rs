@@ -14,7 +14,7 @@ use super::seeds::SeedErrors;
 use super::sweep::{Clock, Effort, PassTime, Sweep};
 use crate::output::{self, Picture, PngOptions};
 use crate::scene::Settings;
-use crate::stats::{DeviceStats, to_json};
+use crate::stats::{DeviceStats, times, to_json};
 use crate::{Error, Result};
 
 /// The JSON object of a sweep.
@@ -268,7 +268,6 @@ impl Report {
 
     /// What was measured, against what.
     fn summary(&self) -> String {
-        let times = |sizes: &[u32]| sizes.iter().map(u32::to_string).collect::<Vec<_>>().join("x");
         let [a, b] = self.reference_samples;
         format!(
             "{} {}, {} pixels, orders {}; {} of {} settings, {} seeds each, against path with {a} and {b} samples \

@@ -8,19 +8,31 @@ use crate::vk::{Context, Filter, Image, ImageFormat, Pipeline, Recorder};
 /// The pass, and what it makes: one of each for voxels, and for blocks of 2³ and 4³ voxels.
 pub struct Mips {
     levels: Vec<Pipeline>,
-    /// Two half floats: source function (mean of the channels), extinction.
+    /// Two half floats: source function (mean of the channels), extinction; a single texel where nobody reads them.
     pub values: Vec<Image>,
     /// Rgb = source function, but for the first level times extinction; a = extinction.
     pub means: Vec<Image>,
 }
 
 impl Mips {
-    /// Makes pipelines and images of the first `levels`, at most three, for a volume of `dims` voxels.
-    pub fn new(ctx: &Context, dims: [u32; 3], levels: u32) -> Result<Self> {
-        assert!(levels <= 3, "blocks of {levels} sizes");
-        let level = |level| Pipeline::new(ctx, &shaders::MIPS, &[("LEVEL", level)]);
-        let values = |edge| ctx.image_3d("mips.values", dims.map(|d: u32| d.div_ceil(edge)), ImageFormat::R32Uint);
-        let means = |edge| ctx.image_3d("mips.means", dims.map(|d: u32| d.div_ceil(edge)), ImageFormat::Rgba16Float);
+    /// Makes pipelines and images of all three levels for a volume of `dims` voxels.
+    pub fn new(ctx: &Context, dims: [u32; 3]) -> Result<Self> {
+        Self::with(ctx, dims, 3, true)
+    }
+
+    /// The same for the means over voxels alone, without [`Self::values`].
+    pub fn means_of_voxels(ctx: &Context, dims: [u32; 3]) -> Result<Self> {
+        Self::with(ctx, dims, 1, false)
+    }
+
+    fn with(ctx: &Context, dims: [u32; 3], levels: u32, has_values: bool) -> Result<Self> {
+        let level = |level| Pipeline::new(ctx, &shaders::MIPS, &[("LEVEL", level), ("HAS_VALUES", has_values.into())]);
+        let blocks = |edge: u32| dims.map(|d| d.div_ceil(edge));
+        let values = |edge| {
+            let extent = if has_values { blocks(edge) } else { [1; 3] };
+            ctx.image_3d("mips.values", extent, ImageFormat::R32Uint)
+        };
+        let means = |edge| ctx.image_3d("mips.means", blocks(edge), ImageFormat::Rgba16Float);
         Ok(Self {
             levels: (0..levels).map(level).collect::<Result<_>>()?,
             values: (0..levels).map(|level| values(1 << level)).collect::<Result<_>>()?,

@@ -10,7 +10,7 @@
 use super::classify::voxel_grid;
 use super::compact::{ChunkArgs, List, TILE, lookback_constants};
 use super::lookback::{self, Count, Diagnostics, DispatchArgs, Report};
-use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch, Sorted};
+use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
 use super::scan::{Scan, ScanConfig, ScanScratch};
 use super::scene_data::SceneData;
 use super::{LIST_WORKGROUP, order_compute};
@@ -212,39 +212,14 @@ impl Proxy {
         self.record_compress_runs(rec, scene);
         rec.end_pass();
         rec.begin_pass("proxy.sort", iteration);
-        let sorted = self.record_sort(rec);
+        let bits = 0..mask_word(self.config.mask).count_ones();
+        let runs = Count::Gpu { buffer: &self.control, offset: constants::PROXY_RUNS };
+        let sorted = self.sort.record(rec, &self.run_hash, &self.run_number, runs, bits, &self.sort_scratch);
         rec.end_pass();
         rec.begin_pass("proxy.compress2", iteration);
         self.record_compress_buckets(rec, scene, sorted.keys, sorted.payloads);
         rec.end_pass();
         rec.begin_pass("proxy.decompress", iteration);
-        self.record_decompress(rec, scene);
-        rec.end_pass();
-    }
-
-    /// The same without passes of its own: for benches, which time the whole.
-    pub(crate) fn record_untimed(
-        &self,
-        rec: &mut Recorder,
-        scene: &SceneData,
-        list: &List,
-        args: &ChunkArgs,
-        field: &Image,
-    ) {
-        self.record_hash(rec, scene, list, args, field);
-        self.record_compress_runs(rec, scene);
-        let sorted = self.record_sort(rec);
-        self.record_compress_buckets(rec, scene, sorted.keys, sorted.payloads);
-        self.record_decompress(rec, scene);
-    }
-
-    fn record_sort(&self, rec: &mut Recorder) -> Sorted<'_> {
-        let bits = 0..mask_word(self.config.mask).count_ones();
-        let runs = Count::Gpu { buffer: &self.control, offset: constants::PROXY_RUNS };
-        self.sort.record(rec, &self.run_hash, &self.run_number, runs, bits, &self.sort_scratch)
-    }
-
-    fn record_decompress(&self, rec: &mut Recorder, scene: &SceneData) {
         order_compute(rec);
         let binds = [
             ("scene_block", scene.block.bind()),
@@ -252,6 +227,7 @@ impl Proxy {
             ("bucket_id", self.bucket_id.storage()),
         ];
         rec.dispatch(&self.decompress, &binds, &(), voxel_grid(scene.params.dims));
+        rec.end_pass();
     }
 
     fn record_hash(&self, rec: &mut Recorder, scene: &SceneData, list: &List, args: &ChunkArgs, field: &Image) {

@@ -222,7 +222,7 @@ impl<'a> Renderer<'a> {
                         zero_colors: internals.zero_bucket_colors,
                         withhold: 0,
                     };
-                    Some((Proxy::new(ctx, &data, config)?, Mips::new(ctx, dims, 1)?))
+                    Some((Proxy::new(ctx, &data, config)?, Mips::means_of_voxels(ctx, dims)?))
                 } else {
                     None
                 },
@@ -393,6 +393,11 @@ impl<'a> Renderer<'a> {
         (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
     }
 
+    /// What a gather gives to cells of the given share: the inner ones, whose light the eye sees only after another, a part.
+    fn share_in(&self, share: f32, is_last: bool) -> f32 {
+        if is_last { share } else { self.inner_share * share }
+    }
+
     /// Environment directions of a cell that gets the given share of them, for what the eye sees. A constant environment is
     /// brought by the last gather where there is one.
     fn environment_rays(&self, share: f32) -> u32 {
@@ -407,7 +412,7 @@ impl<'a> Renderer<'a> {
     fn inner_environment_rays(&self, scatter: &Scatter, share: f32) -> u32 {
         match &scatter.gather {
             Some(gather) if self.data.environment == constants::ENVIRONMENT_CONSTANT => {
-                gather.directions(self.inner_share * share)
+                gather.directions(self.share_in(share, false))
             }
             _ => 0,
         }
@@ -419,7 +424,7 @@ impl<'a> Renderer<'a> {
             let first = f64::from(self.environment_rays(share)) + s.emission.as_ref().map_or(0.0, |e| e.0.rays(share));
             let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
             let inner = f64::from(self.orders.saturating_sub(2));
-            let gathers = |g: &Gather| inner * g.rays(self.inner_share * share) + g.rays(share);
+            let gathers = |g: &Gather| inner * g.rays(self.share_in(share, false)) + g.rays(share);
             let later = s.gather.as_ref().map_or(0.0, gathers);
             let separate = s.lights.as_ref().map_or(0.0, |(g, images)| gathers(g) * images.len() as f64);
             first + f64::from(self.inner_environment_rays(s, share)) + lights + later + separate
@@ -449,7 +454,7 @@ impl<'a> Renderer<'a> {
             let mut args =
                 |gather: Option<&Gather>, share| gather.map(|g| g.args(ctx, &mut rec, list, share)).transpose();
             let mut both =
-                |gather| Ok(args(gather, self.inner_share * share)?.zip(args(gather, share)?).map(|(i, l)| [i, l]));
+                |gather| Ok(args(gather, self.share_in(share, false))?.zip(args(gather, share)?).map(|(i, l)| [i, l]));
             groups.push(Cells {
                 gather: both(scatter.gather.as_ref())?,
                 lights: both(scatter.lights.as_ref().map(|l| &l.0))?,
@@ -552,7 +557,7 @@ impl<'a> Renderer<'a> {
                 let is_last = order == self.orders;
                 for cells in &groups {
                     let scattering = self.scattering(scatter, cells, scatter.projection.kept(!is_last));
-                    let share = if is_last { cells.share } else { self.inner_share * cells.share };
+                    let share = self.share_in(cells.share, is_last);
                     if let Some((gather, images)) = &scatter.lights {
                         self.gather_lights(cells, queue, gather, images, &scattering, order)?;
                     }
@@ -606,7 +611,7 @@ impl<'a> Renderer<'a> {
     ) -> Result<()> {
         let is_last = order == self.orders;
         let args = &cells.lights.as_ref().expect("arguments of the lights' gather")[usize::from(is_last)];
-        let rays = gather.rays(if is_last { cells.share } else { self.inner_share * cells.share });
+        let rays = gather.rays(self.share_in(cells.share, is_last));
         for (l, image) in images.iter().enumerate() {
             let source = Source { a: image.clone(), b: [image.clone(), image.clone(), image.clone()] };
             self.for_chunks(cells.list, queue, "multiple scattering", rays, |rec, chunk| {

@@ -40,6 +40,16 @@ pub struct Message {
     pub text: String,
 }
 
+/// Nothing may have been reported.
+///
+/// Errors: something was; the error counts the messages and quotes the first.
+pub fn no_messages(messages: &[Message]) -> crate::Result<()> {
+    match messages.first() {
+        Some(first) => Err(crate::Error::Validation { count: messages.len(), first: first.to_string() }),
+        None => Ok(()),
+    }
+}
+
 impl std::fmt::Display for Message {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "[{:?}] {}: {}", self.severity, self.id, self.text)
