@@ -32,9 +32,9 @@ float scalar_at(ivec3 voxel, float here) {
     return value == NO_VALUE ? here : value;
 }
 
-// Half of the difference across the voxel: of any two scalars it is finite.
+// Part of the difference across the voxel: of any two scalars it may be divided by. Only the gradient's direction counts.
 float slope_along(ivec3 voxel, ivec3 axis, float here) {
-    return 0.5 * scalar_at(voxel + axis, here) - 0.5 * scalar_at(voxel - axis, here);
+    return DIFFERENCE_SCALE * scalar_at(voxel + axis, here) - DIFFERENCE_SCALE * scalar_at(voxel - axis, here);
 }
 
 void main() {

@@ -8,11 +8,13 @@
 //   RADIX_PASSES tickets, then per pass `rows` rows of RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of
 //   tile t. Counts stay below 2^30, the width of a status word's value.
 // Shared memory: SCRATCH_WORDS + RADIX_DIGITS words and a few.
+//
+// Places beyond the count hold the largest key. They come last in the last tile and sort last, so they get places like
+// any other key, and only counts and stores leave them out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
-#extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 
 #define ITEM_COUNT_BINDING 4
@@ -24,8 +26,17 @@
 layout(constant_id = 4) const uint KEYS = 15u; // per invocation, at most 32 (FALLBACK_STEPS)
 // Widest subgroup that finds equal digits by one broadcast per lane instead of one ballot per bit.
 layout(constant_id = 5) const uint BROADCAST_UP_TO = 8u;
-// At least WORKGROUP * KEYS, and COUNTER_WORDS for every subgroup that the workgroup may have.
+// At least WORKGROUP * KEYS, and the counters (and masks) of every subgroup that the workgroup may have.
 layout(constant_id = 6) const uint SCRATCH_WORDS = 8192u;
+
+// Whether keys have payloads; without, the buffers of payloads are not touched.
+layout(constant_id = 7) const uint PAYLOADS = 1u;
+// Words of a ballot that are used: 1 where no subgroup has more than 32 lanes, else 4.
+layout(constant_id = 8) const uint BALLOT_WORDS = 4u;
+// Whether equal digits are found by a mask of lanes per digit in shared memory instead of ballots: 0 or 1; needs BALLOT_WORDS 1.
+layout(constant_id = 9) const uint MASKS = 0u;
+// Status words that a step of look-back loads at once, so that their latencies overlap.
+layout(constant_id = 10) const uint AHEAD = 1u;
 
 layout(set = 0, binding = 0, scalar) readonly buffer KeysIn { uint keys_in[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer PayloadsIn { uint payloads_in[]; };
@@ -44,16 +55,25 @@ const uint TILE = WORKGROUP * KEYS;
 const uint DIGITS_EACH = (RADIX_DIGITS + WORKGROUP - 1u) / WORKGROUP;
 // Two 16-bit counters per word: digit d is the low half of word d, digit d + COUNTER_WORDS the high half.
 const uint COUNTER_WORDS = RADIX_DIGITS / 2u;
+const uint PADDING = 0xFFFFFFFFu;
 const uint NO_ROW = 0xFFFFFFFFu;
 
-// First each subgroup's digit counters, then the tile's keys in sorted order, then its payloads.
+// First each subgroup's digit counters (then: next places) and masks, then the tile's keys in sorted order, then its payloads.
 shared uint scratch[SCRATCH_WORDS];
 // Per digit: the tile's count, then its first place in the tile, then (fallback) a blocking tile's count, then what to
 // add to a place in the tile to get the place in the output.
 shared uint digits[RADIX_DIGITS];
 
+// First bit and width of the digit. Read anew in every phase (`digit_window`): else compilers keep the digits of all keys
+// in registers from one phase to the next, and registers are what limits the workgroups under way.
+shared uvec2 shared_window;
+
 uint digit_at(uint key) {
     return digit_of(key, pass, bit_begin, bit_end);
+}
+
+uint digit_in(uvec2 window, uint key) {
+    return bitfieldExtract(key, int(window.x), int(window.y));
 }
 
 uint counter_word(uint digit) {
@@ -64,52 +84,60 @@ uint counter_shift(uint digit) {
     return digit / COUNTER_WORDS * 16u;
 }
 
+uint counter_of(uint word, uint digit) {
+    return word >> counter_shift(digit) & 0xFFFFu;
+}
+
 // Index of the invocation's key in `row` of a tile: the order in which equal digits keep their order.
 uint key_index(uint tile, uint row) {
     return tile * TILE + (gl_SubgroupID * KEYS + row) * gl_SubgroupSize + gl_SubgroupInvocationID;
 }
 
-// The lanes of the subgroup that are `valid` and have the same digit: `rank` = how many of them come before this lane,
-// `size` = how many there are, `leader` = the first.
-void match_digit(bool valid, uint digit, out uint rank, out uint size, out uint leader) {
+// The lanes of the subgroup that have the same digit: `rank` = how many of them come before this lane, `size` = how many
+// there are, `leader` = the first.
+void match_digit(uint digit, out uint rank, out uint size, out uint leader) {
     if (gl_SubgroupSize <= BROADCAST_UP_TO) {
-        uint own = valid ? digit : RADIX_DIGITS;
         rank = 0u;
         size = 0u;
         leader = gl_SubgroupSize;
         for (uint lane = 0u; lane < gl_SubgroupSize; lane++) {
-            bool same = subgroupBroadcast(own, lane) == own;
+            bool same = subgroupBroadcast(digit, lane) == digit;
             rank += same && lane < gl_SubgroupInvocationID ? 1u : 0u;
             size += same ? 1u : 0u;
             leader = same ? min(leader, lane) : leader;
         }
+    } else if (MASKS != 0u) {
+        uint word = gl_NumSubgroups * COUNTER_WORDS + gl_SubgroupID * RADIX_DIGITS + digit;
+        atomicOr(scratch[word], gl_SubgroupEqMask.x, gl_ScopeWorkgroup, 0, 0);
+        subgroupBarrier();
+        uint same = scratch[word];
+        rank = bitCount(same & gl_SubgroupLtMask.x);
+        size = bitCount(same);
+        leader = findLSB(same);
+        subgroupBarrier();
+        if (rank == 0u) {
+            scratch[word] = 0u;
+        }
+    } else if (BALLOT_WORDS == 1u) {
+        uint same = 0xFFFFFFFFu;
+        [[unroll]] for (uint bit = 0u; bit < RADIX_BITS; bit++) {
+            bool own = (digit >> bit & 1u) != 0u;
+            uint set = subgroupBallot(own).x;
+            same &= own ? set : ~set;
+        }
+        same &= gl_SubgroupSize < 32u ? (1u << gl_SubgroupSize) - 1u : 0xFFFFFFFFu;
+        rank = bitCount(same & gl_SubgroupLtMask.x);
+        size = bitCount(same);
+        leader = findLSB(same);
     } else {
-        uvec4 same = subgroupBallot(valid);
+        uvec4 same = subgroupBallot(true);
         [[unroll]] for (uint bit = 0u; bit < RADIX_BITS; bit++) {
             uint own = digit >> bit & 1u;
             same &= subgroupBallot(own != 0u) ^ (own - 1u); // the ballot, or its complement if own == 0
         }
         rank = subgroupBallotExclusiveBitCount(same);
         size = subgroupBallotBitCount(same);
-        leader = valid ? subgroupBallotFindLSB(same) : 0u;
-    }
-}
-
-// Number of keys with this digit before each of the invocation's keys in the subgroup's part of the tile; leaves the
-// subgroup's count of every digit in its counters. Stable: rows in order, lanes in order.
-void rank_keys(uint tile, uint end, uint keys[KEYS], out uint ranks[KEYS]) {
-    [[unroll]] for (uint row = 0u; row < KEYS; row++) {
-        bool valid = key_index(tile, row) < end;
-        uint digit = digit_at(keys[row]);
-        uint rank, size, leader;
-        match_digit(valid, digit, rank, size, leader);
-        uint before = 0u;
-        if (valid && rank == 0u) {
-            before = atomicAdd(scratch[counter_word(digit)], size << counter_shift(digit), gl_ScopeWorkgroup, 0, 0);
-        }
-        before = subgroupShuffle(before, leader);
-        ranks[row] = (before >> counter_shift(digit) & 0xFFFFu) + rank;
-        subgroupBarrier(); // the next row's leaders see this row's counts
+        leader = subgroupBallotFindLSB(same);
     }
 }
 
@@ -130,8 +158,11 @@ void count_digits(uint tile, uint end) {
 }
 
 // Looks back for the invocation's digits [first, first + DIGITS_EACH): `before` = how many keys come before the tile's
-// in the output: those of smaller digits, and those of the same digit in earlier tiles. False: out of budget, reported.
-bool look_back(uint tile, uint end, uint base, uint first, out uint before[DIGITS_EACH]) {
+// in the output: those of smaller digits, and those of the same digit in earlier tiles. Publishes the sums with the
+// tile's own `counts` as soon as they are known: others wait for them. False: out of budget, reported.
+bool look_back(
+    uint tile, uint end, uint base, uint first, uint counts[DIGITS_EACH], out uint before[DIGITS_EACH]
+) {
     uint row[DIGITS_EACH]; // the status row to look at next, NO_ROW = done
     for (uint i = 0u; i < DIGITS_EACH; i++) {
         before[i] = 0u;
@@ -146,17 +177,29 @@ bool look_back(uint tile, uint end, uint base, uint first, out uint before[DIGIT
         for (uint i = 0u; i < DIGITS_EACH; i++) {
             uint polls = 0u;
             while (row[i] != NO_ROW && polls <= SPIN_LIMIT && steps < LOOKBACK_BUDGET) {
-                uint word = load_status(base + row[i] * RADIX_DIGITS + first + i);
-                uint state = word >> STATE_SHIFT;
-                if (state == STATE_NONE) {
-                    polls++;
-                    spins++;
-                } else {
-                    before[i] += word & VALUE_MASK;
-                    row[i] = state == STATE_INCLUSIVE ? NO_ROW : row[i] - 1u;
-                    polls = 0u;
+                uint words[AHEAD];
+                [[unroll]] for (uint k = 0u; k < AHEAD; k++) {
+                    // Row 0 is inclusive: what would come before it is not looked at.
+                    words[k] = load_status(base + (row[i] - min(k, row[i])) * RADIX_DIGITS + first + i);
                 }
-                steps++;
+                bool goes_on = true;
+                [[unroll]] for (uint k = 0u; k < AHEAD; k++) {
+                    uint state = words[k] >> STATE_SHIFT;
+                    if (goes_on && state != STATE_NONE) {
+                        before[i] += words[k] & VALUE_MASK;
+                        row[i] = state == STATE_INCLUSIVE ? NO_ROW : row[i] - 1u;
+                        polls = 0u;
+                        if (state == STATE_INCLUSIVE && may_publish(tile)) {
+                            uint own = base + (tile + 1u) * RADIX_DIGITS + first + i;
+                            publish_status(own, STATE_INCLUSIVE, before[i] + counts[i]);
+                        }
+                    } else if (goes_on) {
+                        polls++;
+                        spins++;
+                    }
+                    goes_on = goes_on && state == STATE_READY;
+                }
+                steps += AHEAD;
             }
             blocking = max(blocking, row[i] == NO_ROW ? 0u : row[i]);
         }
@@ -182,9 +225,9 @@ bool look_back(uint tile, uint end, uint base, uint first, out uint before[DIGIT
         steps += FALLBACK_STEPS;
         fallbacks++;
     }
-    spins = workgroup_add(spins);
-    if (linear_index() == 0u) {
-        report_lookback(spins, fallbacks);
+    spins = subgroupAdd(spins);
+    if (subgroupElect()) {
+        report_lookback(spins, gl_SubgroupID == 0u ? fallbacks : 0u);
         if (failed) {
             report_error(ERROR_BUDGET);
         }
@@ -192,55 +235,67 @@ bool look_back(uint tile, uint end, uint base, uint first, out uint before[DIGIT
     return !failed;
 }
 
+// The place of row `row` in its word.
+uint place_in(uint word, uint row) {
+    return row % 2u == 0u ? word & 0xFFFFu : word >> 16u;
+}
+
 void main() {
+    uint self = linear_index();
+    // While the ticket is on its way.
+    uint cleared = gl_NumSubgroups * (COUNTER_WORDS + MASKS * RADIX_DIGITS);
+    for (uint i = self; i < cleared; i += WORKGROUP) {
+        scratch[i] = 0u;
+    }
+    if (self == 0u) {
+        uint shift = bit_begin + pass * RADIX_BITS;
+        shared_window = uvec2(shift, min(bit_end - shift, RADIX_BITS));
+    }
     uint tile = take_tile(pass);
     uint end = item_count(count);
     if (tile >= (end + TILE - 1u) / TILE) {
         return;
     }
     uint base = RADIX_PASSES + pass * rows * RADIX_DIGITS;
-    uint self = linear_index();
     uint first = self * DIGITS_EACH; // digits that this invocation looks after
+    uint valid_keys = min(end - tile * TILE, TILE);
 
-    for (uint i = self; i < gl_NumSubgroups * COUNTER_WORDS; i += WORKGROUP) {
-        scratch[i] = 0u;
-    }
     uint keys[KEYS];
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
-        keys[row] = index < end ? keys_in[index] : 0u;
+        keys[row] = index < end ? keys_in[index] : PADDING;
+    }
+
+    // Counts first, places later: what other tiles wait for is published as early as can be.
+    [[unroll]] for (uint row = 0u; row < KEYS; row++) {
+        uint digit = digit_at(keys[row]);
+        atomicAdd(scratch[counter_word(digit)], 1u << counter_shift(digit), gl_ScopeWorkgroup, 0, 0);
     }
     barrier();
-
-    uint places[KEYS];
-    rank_keys(tile, end, keys, places);
-    barrier();
-
-    // Over the subgroups: counters become the number of keys in earlier subgroups, both halves of a word at once.
     for (uint i = self; i < COUNTER_WORDS; i += WORKGROUP) {
-        uint sum = 0u;
+        uint sum = 0u; // both halves of a word at once
         for (uint subgroup = 0u; subgroup < gl_NumSubgroups; subgroup++) {
-            uint counter = scratch[subgroup * COUNTER_WORDS + i];
-            scratch[subgroup * COUNTER_WORDS + i] = sum;
-            sum += counter;
+            sum += scratch[subgroup * COUNTER_WORDS + i];
         }
         digits[i] = sum & 0xFFFFu;
         digits[i + COUNTER_WORDS] = sum >> 16u;
     }
     barrier();
 
-    // Publish the tile's counts as early as possible, then find each digit's first place in the tile.
     uint counts[DIGITS_EACH];
     uint sum = 0u;
     for (uint i = 0u; i < DIGITS_EACH; i++) {
         counts[i] = first + i < RADIX_DIGITS ? digits[first + i] : 0u;
         sum += counts[i];
+        if (first + i == digit_at(PADDING)) {
+            counts[i] -= TILE - valid_keys;
+        }
         if (first + i < RADIX_DIGITS && may_publish(tile)) {
             publish_status(base + (tile + 1u) * RADIX_DIGITS + first + i, STATE_READY, counts[i]);
         }
     }
-    uint valid_keys;
-    uint start = workgroup_exclusive_add(sum, valid_keys);
+    uint all;
+    uint start = workgroup_exclusive_add(sum, all);
     uint starts[DIGITS_EACH];
     for (uint i = 0u; i < DIGITS_EACH; i++) {
         starts[i] = start;
@@ -250,54 +305,85 @@ void main() {
         }
     }
     barrier();
+    // Counters become each subgroup's next place for a key of the digit.
+    for (uint i = self; i < COUNTER_WORDS; i += WORKGROUP) {
+        uint next = digits[i] | digits[i + COUNTER_WORDS] << 16u;
+        for (uint subgroup = 0u; subgroup < gl_NumSubgroups; subgroup++) {
+            uint counter = scratch[subgroup * COUNTER_WORDS + i];
+            scratch[subgroup * COUNTER_WORDS + i] = next;
+            next += counter;
+        }
+    }
+    barrier();
+
+    // Each subgroup takes places for its keys, row by row, lane by lane: stable. Two places to a word.
+    uint places[(KEYS + 1u) / 2u];
+    uvec2 window = shared_window;
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
-        uint digit = digit_at(keys[row]);
-        uint in_subgroups = scratch[counter_word(digit)] >> counter_shift(digit) & 0xFFFFu;
-        places[row] += in_subgroups + digits[digit];
+        uint digit = digit_in(window, keys[row]);
+        uint rank, size, leader;
+        match_digit(digit, rank, size, leader);
+        uint before = 0u;
+        if (rank == 0u) {
+            before = atomicAdd(scratch[counter_word(digit)], size << counter_shift(digit), gl_ScopeWorkgroup, 0, 0);
+        }
+        uint place = counter_of(subgroupShuffle(before, leader), digit) + rank;
+        if (row % 2u == 0u) {
+            places[row / 2u] = place;
+        } else {
+            places[row / 2u] |= place << 16u;
+        }
+        subgroupBarrier(); // the next row's leaders see this row's counts
     }
     barrier(); // the counters are dead from here
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
-        if (key_index(tile, row) < end) {
-            scratch[places[row]] = keys[row];
-        }
+        scratch[place_in(places[row / 2u], row)] = keys[row];
     }
 
     uint before[DIGITS_EACH];
-    if (!look_back(tile, end, base, first, before)) {
+    if (!look_back(tile, end, base, first, counts, before)) {
         return; // nothing may be written to a wrong place
     }
     for (uint i = 0u; i < DIGITS_EACH; i++) {
         if (first + i < RADIX_DIGITS) {
-            if (may_publish(tile)) {
-                publish_status(base + (tile + 1u) * RADIX_DIGITS + first + i, STATE_INCLUSIVE, before[i] + counts[i]);
-            }
             digits[first + i] = before[i] - starts[i];
         }
     }
     barrier();
 
-    // In sorted order neighbouring invocations write neighbouring words, except where the digit changes.
-    uint targets[KEYS];
+    // In sorted order neighbouring invocations write neighbouring words, except where the digit changes. Four digits to
+    // a word.
+    uint written[(KEYS + 3u) / 4u];
+    window = shared_window;
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint place = row * WORKGROUP + self;
+        uint key = place < valid_keys ? scratch[place] : 0u;
+        uint digit = digit_in(window, key);
         if (place < valid_keys) {
-            uint key = scratch[place];
-            targets[row] = place + digits[digit_at(key)];
-            keys_out[targets[row]] = key;
+            keys_out[place + digits[digit]] = key;
         }
+        if (row % 4u == 0u) {
+            written[row / 4u] = digit;
+        } else {
+            written[row / 4u] |= digit << 8u * (row % 4u);
+        }
+    }
+    if (PAYLOADS == 0u) {
+        return;
     }
     barrier();
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
         if (index < end) {
-            scratch[places[row]] = payloads_in[index];
+            scratch[place_in(places[row / 2u], row)] = payloads_in[index];
         }
     }
     barrier();
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint place = row * WORKGROUP + self;
         if (place < valid_keys) {
-            payloads_out[targets[row]] = scratch[place];
+            uint digit = written[row / 4u] >> 8u * (row % 4u) & 0xFFu;
+            payloads_out[place + digits[digit]] = scratch[place];
         }
     }
 }

@@ -36,6 +36,14 @@ pub struct DispatchArgsPush {
     pub tile_items: [u32; 2],
 }
 
+/// `bench_copy.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct BenchCopyPush {
+    /// Words, a multiple of the width of a load.
+    pub count: u32,
+}
+
 /// `scan.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

@@ -64,6 +64,49 @@ fn bench_proxy_compares_structures() {
 }
 
 #[test]
+fn bench_scan_and_sort_compare_with_copies() {
+    let place = Place::new();
+    let tiny = ["--sizes", "8:12:4", "--runs", "2", "--json", "--csv", "t.csv", "--plot", "t.svg"];
+    for (subject, more, rows) in [
+        // Five copies and what is measured, at both sizes; the sort with and without payloads.
+        ("scan", &[][..], 2 * (5 + 1)),
+        ("sort", &["--ands", "1,4", "--bits", "12"], 2 * (5 + 2 * 2)),
+    ] {
+        let report = json(&place.succeeds(&[&["bench", subject], &tiny[..], more].concat()));
+        let found = report["rows"].as_array().unwrap();
+        assert_eq!(found.len(), rows, "{subject}");
+        for row in found {
+            let number = |name: &str| row[name].as_f64().unwrap();
+            assert!(row["ms"]["p10"].as_f64() <= row["ms"]["median"].as_f64(), "{row}");
+            let per_second = number("items") / (1e-3 * row["ms"]["median"].as_f64().unwrap());
+            assert!((per_second / number("items_per_second") - 1.0).abs() < 1e-9, "{row}");
+            assert!(number("of_copy") > 0.0, "{row}");
+        }
+        // Copies are compared with the fastest of them.
+        let copies = found.iter().filter(|r| r["items"] == 4096 && r["parts"].as_array().unwrap().is_empty());
+        assert_eq!(copies.map(|r| r["of_copy"].as_f64().unwrap()).fold(0.0, f64::max), 1.0);
+        let csv = fs::read_to_string(place.path("t.csv")).unwrap();
+        assert_eq!(csv.lines().count(), 1 + rows);
+        let svg = fs::read_to_string(place.path("t.svg")).unwrap();
+        assert!(svg.contains("items per second") && svg.contains(subject), "{svg}");
+    }
+    let text = place.succeeds(&["bench", "sort", "--sizes", "8:8:1", "--runs", "1", "--ands", "1", "--details"]);
+    for word in ["histogram ", "pass 4 ", "polls in vain", "fallbacks", "% copy"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+}
+
+#[test]
+fn bench_scan_and_sort_refuse_what_does_not_fit() {
+    let place = Place::new();
+    place.fails(&["bench", "scan", "--sizes", "24:10:2"], 2, &["--sizes", "FROM:TO:STEP"]);
+    place.fails(&["bench", "scan", "--sizes", "8:8:1", "--workgroup", "100"], 1, &["100 invocations", "multiples of"]);
+    let large = ["bench", "sort", "--sizes", "8:8:1", "--workgroup", "1024", "--keys", "32"];
+    place.fails(&large, 1, &["32 keys", "1024 invocations", "fewer keys"]);
+    place.fails(&["bench", "sort", "--sizes", "8:8:1", "--plot", "nowhere/t.svg"], 1, &["nowhere/t.svg"]);
+}
+
+#[test]
 fn bench_proxy_refuses_what_has_no_light() {
     let place = Place::new();
     place.fails(&["bench"], 2, &["proxy"]);

@@ -12,11 +12,22 @@ use std::ops::Range;
 use tyndall::cpu;
 use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
 use tyndall::passes::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
+use tyndall::passes::tuning::Tuning;
 use tyndall::vk::{Context, Recorder, Validation};
 
 /// Many tiles (of 128 pairs) for little work.
-const SMALL_TILES: RadixSortConfig =
-    RadixSortConfig { workgroup: Some(128), keys: 1, spin_limit: 64, withhold: 0, broadcast_up_to: 8 };
+const SMALL_TILES: RadixSortConfig = RadixSortConfig {
+    workgroup: Some(128),
+    keys: 1,
+    payloads: true,
+    spin_limit: 64,
+    withhold: 0,
+    broadcast_up_to: 8,
+    masks: false,
+    ahead: 1,
+    histogram_workgroup: 128,
+    histogram_parts: 1,
+};
 
 fn indices(n: usize) -> Vec<u32> {
     (0..n as u32).collect()
@@ -63,7 +74,7 @@ fn check_sizes(ctx: &Context, config: RadixSortConfig, bits: Range<u32>, sizes: 
 fn exact_around_every_boundary() {
     gpu_test(|ctx| {
         let s = ctx.device_info().subgroup_size as usize;
-        let config = RadixSortConfig::default();
+        let config = Tuning::of(ctx).sort;
         let tile = RadixSort::new(ctx, config).unwrap().tile() as usize;
         let mut sizes = vec![0, 1, 2, 3, s - 1, s, s + 1, 255, 256, 257, tile - 1, tile, tile + 1];
         sizes.extend([2 * tile - 1, 2 * tile, 2 * tile + 1, 32_767, 32_768, 32_769, 65_537]);
@@ -73,7 +84,7 @@ fn exact_around_every_boundary() {
 
 #[test]
 fn exact_at_a_million() {
-    gpu_test(|ctx| check_sizes(ctx, RadixSortConfig::default(), 0..32, &[1_000_003]));
+    gpu_test(|ctx| check_sizes(ctx, Tuning::of(ctx).sort, 0..32, &[1_000_003]));
 }
 
 #[test]
@@ -82,15 +93,24 @@ fn exact_at_every_size_between_one_and_two_tiles() {
 }
 
 #[test]
-fn exact_in_every_shape_and_by_both_ways_of_matching() {
+fn exact_in_every_shape_and_by_all_ways_of_matching() {
     gpu_test(|ctx| {
         // GPU-assisted validation makes pipelines of long unrolled loops take minutes, and shapes change no address.
         let shapes = [(128, 3), (64, 15), (128, 32), (128, 15)];
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..1] } else { &shapes };
         for &(workgroup, keys) in shapes {
-            for broadcast_up_to in [0, 128] {
-                let config =
-                    RadixSortConfig { workgroup: Some(workgroup), keys, broadcast_up_to, ..Default::default() };
+            for (broadcast_up_to, masks, ahead, histogram_parts) in
+                [(0, false, 1, 1), (128, false, 4, 4), (0, true, 3, 8)]
+            {
+                let config = RadixSortConfig {
+                    workgroup: Some(workgroup),
+                    keys,
+                    broadcast_up_to,
+                    masks,
+                    ahead,
+                    histogram_parts,
+                    ..Default::default()
+                };
                 check_sizes(ctx, config, 0..32, &[1, 1_000, 20_021]);
             }
         }
@@ -131,7 +151,7 @@ fn patterns(n: usize, tile: usize) -> Vec<(String, Vec<u32>)> {
 #[test]
 fn exact_for_every_pattern_of_keys() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
         let n = 3 * sort.tile() as usize + 77;
         let scratch = sort.scratch(ctx, n as u32).unwrap();
         for (name, keys) in patterns(n, sort.tile() as usize) {
@@ -143,7 +163,7 @@ fn exact_for_every_pattern_of_keys() {
 #[test]
 fn any_window_of_bits_any_number_of_passes() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
         let keys = Random(7).words(9_001);
         let scratch = sort.scratch(ctx, 9_001).unwrap();
         let windows = [
@@ -175,7 +195,7 @@ fn the_count_may_come_from_the_gpu() {
     gpu_test(|ctx| {
         let capacity = 40_000;
         let keys = Random(8).words(capacity);
-        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
         let tile = sort.tile() as usize;
         let scratch = sort.scratch(ctx, capacity as u32).unwrap();
         let sort_counted = |n: u32| {
@@ -256,7 +276,7 @@ fn an_exhausted_budget_is_an_error_and_no_pair_is_misplaced() {
 #[test]
 fn memory_is_reused_within_and_across_submissions() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
         let scratch = sort.scratch(ctx, 100_000).unwrap();
         let mut random = Random(11);
         for n in [100_000, 1, 257, 100_000, 0, 4_000, 3] {
@@ -288,7 +308,7 @@ fn memory_is_reused_within_and_across_submissions() {
 #[test]
 fn too_large_a_capacity_is_refused_before_anything_is_allocated() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, RadixSortConfig::default()).unwrap();
+        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
         let before = ctx.peak_bytes();
         let error = sort.scratch(ctx, MAX_ITEMS + 1).err().expect("refused").to_string();
         assert!(error.contains("1073741824 items"), "{error}");
@@ -301,7 +321,7 @@ fn too_large_a_capacity_is_refused_before_anything_is_allocated() {
 fn exact_at_the_largest_sizes() {
     gpu_test(|ctx| {
         let most = (ctx.max_storage_bytes() / 4).min(1 << 28) as usize;
-        check_sizes(ctx, RadixSortConfig::default(), 0..32, &[(1 << 24) - 1, 1 << 24, (1 << 24) + 1, most - 1]);
+        check_sizes(ctx, Tuning::of(ctx).sort, 0..32, &[(1 << 24) - 1, 1 << 24, (1 << 24) + 1, most - 1]);
     });
 }
 
@@ -309,7 +329,7 @@ fn exact_at_the_largest_sizes() {
 #[ignore = "long: every size in one sweep of the default tile"]
 fn exact_at_every_size_between_one_and_two_default_tiles() {
     gpu_test(|ctx| {
-        let tile = RadixSort::new(ctx, RadixSortConfig::default()).unwrap().tile() as usize;
-        check_sizes(ctx, RadixSortConfig::default(), 0..32, &(tile..=2 * tile).collect::<Vec<_>>());
+        let tile = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap().tile() as usize;
+        check_sizes(ctx, Tuning::of(ctx).sort, 0..32, &(tile..=2 * tile).collect::<Vec<_>>());
     });
 }

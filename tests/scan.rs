@@ -10,13 +10,17 @@ use data::{Random, assert_same};
 use tyndall::cpu;
 use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
 use tyndall::passes::scan::{Scan, ScanConfig, ScanScratch};
+use tyndall::passes::tuning::Tuning;
 use tyndall::vk::{Context, Recorder, Validation};
 
 /// What the output holds before, to show stores where none may be.
 const SENTINEL: u32 = 0xDEAD_BEEF;
 
+/// Items of [`SMALL_TILES`].
+const SMALL: usize = 256;
 /// Many tiles for little work.
-const SMALL_TILES: ScanConfig = ScanConfig { inclusive: false, workgroup: 128, rows: 1, spin_limit: 64, withhold: 0 };
+const SMALL_TILES: ScanConfig =
+    ScanConfig { inclusive: false, workgroup: 64, vectors: 1, spin_limit: 64, withhold: 0, windows: 1 };
 
 /// Scans `items` and compares with the twin. Items are random words, so that sums wrap.
 fn check(ctx: &Context, scan: &Scan, scratch: &ScanScratch, config: ScanConfig, items: &[u32]) -> Report {
@@ -46,7 +50,7 @@ fn check_sizes(ctx: &Context, config: ScanConfig, sizes: &[usize]) {
 fn exact_around_every_boundary() {
     gpu_test(|ctx| {
         let s = ctx.device_info().subgroup_size as usize;
-        let config = ScanConfig::default();
+        let config = Tuning::of(ctx).scan;
         let tile = Scan::new(ctx, config).unwrap().tile() as usize;
         let mut sizes = vec![0, 1, 2, 3, s - 1, s, s + 1, 255, 256, 257, tile - 1, tile, tile + 1];
         sizes.extend([2 * tile - 1, 2 * tile, 2 * tile + 1, 65_535, 65_536, 65_537, 1_000_003]);
@@ -56,18 +60,18 @@ fn exact_around_every_boundary() {
 
 #[test]
 fn exact_at_every_size_between_one_and_two_tiles() {
-    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, &(128..=256).collect::<Vec<_>>()));
+    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, &(SMALL..=2 * SMALL).collect::<Vec<_>>()));
 }
 
 #[test]
 fn exact_in_every_shape() {
     gpu_test(|ctx| {
         // GPU-assisted validation makes pipelines of long unrolled loops take minutes, and shapes change no address.
-        let shapes = [(256, 1), (128, 3), (64, 32), (128, 16), (512, 8)];
+        let shapes = [(256, 1), (128, 3), (64, 32), (128, 4), (512, 2)];
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..2] } else { &shapes };
-        for &(workgroup, rows) in shapes {
+        for &(workgroup, vectors) in shapes {
             for inclusive in [false, true] {
-                let config = ScanConfig { inclusive, workgroup, rows, ..ScanConfig::default() };
+                let config = ScanConfig { inclusive, workgroup, vectors, ..ScanConfig::default() };
                 check_sizes(ctx, config, &[1, 1_000, 50_021]);
             }
         }
@@ -76,7 +80,7 @@ fn exact_in_every_shape() {
 
 #[test]
 fn more_workgroups_than_one_axis_holds() {
-    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, &[128 * 65_535, 128 * 65_536 + 1]));
+    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, &[SMALL * 65_535, SMALL * 65_536 + 1]));
 }
 
 #[test]
@@ -84,23 +88,23 @@ fn more_workgroups_than_one_axis_holds() {
 fn exact_at_the_largest_sizes() {
     gpu_test(|ctx| {
         let most = (ctx.max_storage_bytes() / 4).min(1 << 28) as usize;
-        check_sizes(ctx, ScanConfig::default(), &[(1 << 24) - 1, 1 << 24, (1 << 24) + 1, most - 2, most - 1]);
+        check_sizes(ctx, Tuning::of(ctx).scan, &[(1 << 24) - 1, 1 << 24, (1 << 24) + 1, most - 2, most - 1]);
     });
 }
 
 #[test]
 #[ignore = "long: every size in one sweep of the default tile"]
 fn exact_at_every_size_between_one_and_two_default_tiles() {
-    gpu_test(|ctx| check_sizes(ctx, ScanConfig::default(), &(4096..=8192).collect::<Vec<_>>()));
+    gpu_test(|ctx| check_sizes(ctx, Tuning::of(ctx).scan, &(4096..=8192).collect::<Vec<_>>()));
 }
 
 #[test]
 fn a_suspended_tile_is_computed_by_those_that_need_it() {
     gpu_test(|ctx| {
-        let items = Random(2).words(128 * 100 + 5);
+        let items = Random(2).words(SMALL * 100 + 5);
         for withhold in [1, 2, 3, 7, 50] {
-            for spin_limit in [0, 1, 64] {
-                let config = ScanConfig { withhold, spin_limit, ..SMALL_TILES };
+            for (spin_limit, windows) in [(0, 1), (1, 2), (64, 1), (64, 3)] {
+                let config = ScanConfig { withhold, spin_limit, windows, ..SMALL_TILES };
                 let scan = Scan::new(ctx, config).unwrap();
                 let scratch = scan.scratch(ctx, items.len() as u32).unwrap();
                 let report = check(ctx, &scan, &scratch, config, &items);
@@ -116,7 +120,7 @@ fn a_suspended_tile_is_computed_by_those_that_need_it() {
 #[test]
 fn an_exhausted_budget_is_an_error_and_no_wrong_sum() {
     gpu_test(|ctx| {
-        let items = Random(3).words(128 * 6);
+        let items = Random(3).words(SMALL * 6);
         let scan = Scan::new(ctx, ScanConfig { withhold: 2, spin_limit: u32::MAX, ..SMALL_TILES }).unwrap();
         let scratch = scan.scratch(ctx, items.len() as u32).unwrap();
         let input = ctx.upload("items", &items).unwrap();
@@ -128,8 +132,8 @@ fn an_exhausted_budget_is_an_error_and_no_wrong_sum() {
         assert!(error.contains("'scan'") && error.contains("loop budget"), "{error}");
         let sums = ctx.read_back(&output).unwrap();
         let expected = cpu::scan::exclusive(&items);
-        assert_same("tile 0", &sums[..128], &expected[..128]);
-        assert!(sums[128..].iter().all(|&sum| sum == SENTINEL));
+        assert_same("tile 0", &sums[..SMALL], &expected[..SMALL]);
+        assert!(sums[SMALL..].iter().all(|&sum| sum == SENTINEL));
     });
 }
 
@@ -140,7 +144,7 @@ fn the_count_may_come_from_the_gpu() {
         let items = Random(4).words(capacity);
         let input = ctx.upload("items", &items).unwrap();
         let expected = cpu::scan::exclusive(&items);
-        let scan = Scan::new(ctx, ScanConfig::default()).unwrap();
+        let scan = Scan::new(ctx, Tuning::of(ctx).scan).unwrap();
         let scratch = scan.scratch(ctx, capacity as u32).unwrap();
         let scan_counted = |n: u32| {
             let counts = ctx.upload("counts", &[7, 8, n]).unwrap();
@@ -173,7 +177,7 @@ fn memory_is_reused_within_and_across_submissions() {
         let scan = Scan::new(ctx, config).unwrap();
         let scratch = scan.scratch(ctx, 200_000).unwrap();
         let mut random = Random(5);
-        for n in [200_000, 1, 129, 200_000, 50_000, 3, 128] {
+        for n in [200_000, 1, SMALL + 1, 200_000, 50_000, 3, SMALL] {
             check(ctx, &scan, &scratch, config, &random.words(n));
         }
         // Three scans in a row in one command buffer: of the items, of their sums, of those; and one on other memory.
@@ -198,7 +202,7 @@ fn memory_is_reused_within_and_across_submissions() {
 #[test]
 fn too_large_a_capacity_is_refused_before_anything_is_allocated() {
     gpu_test(|ctx| {
-        let scan = Scan::new(ctx, ScanConfig::default()).unwrap();
+        let scan = Scan::new(ctx, Tuning::of(ctx).scan).unwrap();
         let before = ctx.peak_bytes();
         let error = scan.scratch(ctx, MAX_ITEMS + 1).err().expect("refused").to_string();
         assert!(error.contains("1073741824 items"), "{error}");

@@ -43,6 +43,10 @@ const uint RADIX_DIGITS = 256u;
 // Most passes of a radix sort: all bits of a u32. Also the words of its `status` before the rows, a ticket each.
 const uint RADIX_PASSES = 4u;
 
+// Factor on two scalars before their difference is divided: the difference of any two floats times it is below 2^126, beyond
+// which devices divide by zero in place of a number (Vulkan, precision of OpFDiv).
+const float DIFFERENCE_SCALE = 0.0625;
+
 // Voxels along the edge of a macrocell of the path tracer.
 const uint CELL_SIZE = 8u;
 // Voxels along the edge of a macrocell of the rays that march: the fastest measured (docs/proxy.md).

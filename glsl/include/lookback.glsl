@@ -21,7 +21,11 @@
 // agree. Both halves then come from the same state, hence from the same sum, without 64-bit atomics.
 #ifndef LOOKBACK_GLSL
 #define LOOKBACK_GLSL
+#extension GL_EXT_control_flow_attributes : require
 #include "tile_status.glsl"
+
+// Tiles whose status each lane loads at once in a step of look-back.
+layout(constant_id = 6) const uint WINDOWS = 1u;
 
 struct TileScan {
     uint before;
@@ -47,31 +51,42 @@ uint load_sum(uint tile, out uint sum) {
     return low >> STATE_SHIFT == high >> STATE_SHIFT ? low >> STATE_SHIFT : STATE_NONE;
 }
 
-// Walks back from tile `next` - 1 with one subgroup, a lane per tile, adding to `exclusive`. Returns when an inclusive
-// sum (or the beginning) was found: `next` = 0; when tile `next` - 1 stayed missing for SPIN_LIMIT polls; or when
-// `steps` reached the budget.
+// Walks back from tile `next` - 1 with one subgroup, WINDOWS tiles to a lane, adding to `exclusive`. Returns when an
+// inclusive sum (or the beginning) was found: `next` = 0; when tile `next` - 1 stayed missing for SPIN_LIMIT polls; or
+// when `steps` reached the budget.
 void walk_back(inout uint next, inout uint exclusive, inout uint steps, inout uint spins) {
     uint polls = 0u;
+    uint lane = gl_SubgroupInvocationID;
     while (next > 0u && polls <= SPIN_LIMIT && steps < LOOKBACK_BUDGET) {
-        uint lane = gl_SubgroupInvocationID;
-        uint state = STATE_INCLUSIVE; // before the first tile: nothing, completely known
-        uint sum = 0u;
-        if (lane < next) {
-            state = load_sum(next - 1u - lane, sum);
+        uint states[WINDOWS];
+        uint sums[WINDOWS];
+        [[unroll]] for (uint w = 0u; w < WINDOWS; w++) {
+            uint back = w * gl_SubgroupSize + lane;
+            states[w] = STATE_INCLUSIVE; // before the first tile: nothing, completely known
+            sums[w] = 0u;
+            if (back < next) {
+                states[w] = load_sum(next - 1u - back, sums[w]);
+            }
         }
-        uint inclusive = subgroupMin(state == STATE_INCLUSIVE ? lane : gl_SubgroupSize);
-        uint missing = subgroupMin(state == STATE_NONE ? lane : gl_SubgroupSize);
-        uint known = min(inclusive + 1u, missing); // lanes to add; SIZE + 1 when all are READY
-        exclusive += subgroupAdd(lane < known ? sum : 0u);
-        if (inclusive < missing) {
-            next = 0u;
-        } else {
-            next -= missing;
-            // The count of polls starts again with each tile waited for.
-            polls = missing == 0u ? polls + 1u : missing < gl_SubgroupSize ? 1u : 0u;
-            spins += missing < gl_SubgroupSize ? 1u : 0u;
+        bool goes_on = true; // all of the windows so far were READY
+        [[unroll]] for (uint w = 0u; w < WINDOWS; w++) {
+            if (goes_on) {
+                uint inclusive = subgroupMin(states[w] == STATE_INCLUSIVE ? lane : gl_SubgroupSize);
+                uint missing = subgroupMin(states[w] == STATE_NONE ? lane : gl_SubgroupSize);
+                uint known = min(inclusive + 1u, missing); // lanes to add; SIZE + 1 when all are READY
+                exclusive += subgroupAdd(lane < known ? sums[w] : 0u);
+                if (inclusive < missing) {
+                    next = 0u;
+                } else {
+                    next -= missing;
+                    // The count of polls starts again with each tile waited for.
+                    polls = missing == 0u ? polls + 1u : missing < gl_SubgroupSize ? 1u : 0u;
+                    spins += missing < gl_SubgroupSize ? 1u : 0u;
+                }
+                goes_on = inclusive == gl_SubgroupSize && missing == gl_SubgroupSize;
+            }
         }
-        steps++;
+        steps += WINDOWS;
     }
 }
 
@@ -94,6 +109,9 @@ TileScan scan_tile(uint tile, uint subgroup_sum) {
     for (;;) {
         if (gl_SubgroupID == 0u) {
             walk_back(next, exclusive, steps, spins);
+            if (leader && next == 0u && tile != 0u && may_publish(tile)) {
+                publish_sum(tile, STATE_INCLUSIVE, exclusive + tile_sum); // at once: others wait for it
+            }
             if (leader) {
                 shared_next = next == 0u || steps < LOOKBACK_BUDGET ? next : NO_TILE;
                 shared_exclusive = exclusive;
@@ -122,8 +140,6 @@ TileScan scan_tile(uint tile, uint subgroup_sum) {
         report_lookback(spins, fallbacks);
         if (scan.failed) {
             report_error(ERROR_BUDGET);
-        } else if (tile != 0u && may_publish(tile)) {
-            publish_sum(tile, STATE_INCLUSIVE, exclusive + tile_sum);
         }
     }
     scan.before += exclusive;

@@ -9,6 +9,7 @@
 #define SUBGROUP_GLSL
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_ballot : require
 
 layout(local_size_x = 256, local_size_x_id = 0) in;
 layout(constant_id = 0) const uint WORKGROUP = 256u;

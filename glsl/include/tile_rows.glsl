@@ -40,9 +40,9 @@ uint tile_share(uint tile) {
 uint exclusive_rows(inout uint values[ROWS]) {
     uint sum = 0u;
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {
-        uint value = values[row];
-        values[row] = sum + subgroupExclusiveAdd(value);
-        sum += subgroupAdd(value);
+        uint inclusive = subgroupInclusiveAdd(values[row]);
+        values[row] = sum + inclusive - values[row];
+        sum += subgroupBroadcast(inclusive, gl_SubgroupSize - 1u);
     }
     return sum;
 }

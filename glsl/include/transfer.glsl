@@ -45,9 +45,10 @@ Material classify(float value) {
     }
     TransferPointData a = transfer[max(low, 1u) - 1u];
     TransferPointData b = transfer[min(low, scene.transfer_points - 1u)];
-    // Halves: the difference of two floats need not be one.
-    precise float along = 0.5 * value - 0.5 * a.value;
-    precise float width = 0.5 * b.value - 0.5 * a.value;
+    // Large ones are made smaller, but not those that would get lost.
+    float scale = max(abs(a.value), abs(b.value)) > 1.0 ? DIFFERENCE_SCALE : 1.0;
+    precise float along = scale * value - scale * a.value;
+    precise float width = scale * b.value - scale * a.value;
     float t = width > 0.0 ? clamp(along / width, 0.0, 1.0) : 0.0;
     float opacity = mix(a.opacity, b.opacity, t);
     Material m;

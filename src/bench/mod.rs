@@ -2,12 +2,14 @@
 //! turns, so that a machine that is busy now and then is so for all.
 
 pub mod lit;
+pub mod primitives;
 pub mod proxy;
 
 use crate::measure::processor_ms;
 use crate::passes::order_compute;
-use crate::vk::{Context, Recorder};
+use crate::vk::{Context, Recorder, TimedPass};
 use crate::{Error, Result};
+use std::time::{Duration, Instant};
 
 /// Times of what a recorder recorded, in ms.
 #[derive(Clone, Copy, Debug)]
@@ -46,11 +48,78 @@ pub(crate) fn time_passes(ctx: &Context, mut record: impl FnMut(&mut Recorder)) 
     let before = processor_ms();
     let gpu = rec.submit_and_wait()?.iter().map(|pass| pass.ms).sum();
     let cpu = if ctx.is_cpu() { processor_ms().zip(before).map(|(after, before)| after - before) } else { None };
-    if gpu > 0.0 {
-        Ok(Timing { gpu, cpu: cpu.filter(|&ms| ms > 0.0) })
-    } else {
-        Err(Error::input("--device", "the device has no timestamps", "choose another one: see `tyndall devices`"))
+    if gpu > 0.0 { Ok(Timing { gpu, cpu: cpu.filter(|&ms| ms > 0.0) }) } else { Err(no_timestamps()) }
+}
+
+/// How a measurement starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Start {
+    /// The device may have idled: it works for a while before times count, because clocks rise slowly under load.
+    Cold,
+    /// Another measurement has just ended.
+    Warm,
+}
+
+/// How long a cold GPU works first.
+const WARM_UP: Duration = Duration::from_millis(400);
+/// Runs that never count.
+const WARM_UPS: u32 = 3;
+
+/// The parts of `runs` runs of what `record` records ([`Recorder::part`]); before each, untimed, what `prepare` records.
+///
+/// Errors: the device has no timestamps, or fails.
+pub(crate) fn time_parts(
+    ctx: &Context,
+    runs: u32,
+    prepare: impl Fn(&mut Recorder),
+    record: impl Fn(&mut Recorder),
+) -> Result<Vec<Vec<TimedPass>>> {
+    let run = || {
+        let mut rec = Recorder::new(ctx)?;
+        rec.time_parts();
+        prepare(&mut rec);
+        order_compute(&mut rec);
+        rec.begin_pass("bench", 0);
+        record(&mut rec);
+        rec.end_pass();
+        rec.submit_and_wait()
+    };
+    (0..runs).map(|_| run()).collect()
+}
+
+/// GPU times of `runs` runs of what `record` records, in ms, after some that do not count; before each, untimed, what
+/// `prepare` records.
+///
+/// Errors: the device has no timestamps, or fails.
+pub(crate) fn time_each(
+    ctx: &Context,
+    start: Start,
+    runs: u32,
+    prepare: impl Fn(&mut Recorder),
+    record: impl Fn(&mut Recorder),
+) -> Result<Vec<f64>> {
+    let run = || -> Result<f64> {
+        let mut rec = Recorder::new(ctx)?;
+        prepare(&mut rec);
+        order_compute(&mut rec);
+        rec.begin_pass("bench", 0);
+        record(&mut rec);
+        rec.end_pass();
+        let ms = rec.submit_and_wait()?.iter().map(|pass| pass.ms).sum();
+        if ms > 0.0 { Ok(ms) } else { Err(no_timestamps()) }
+    };
+    let (began, warms_up) = (Instant::now(), start == Start::Cold && !ctx.is_cpu());
+    for warm_up in 0.. {
+        if warm_up >= WARM_UPS && !(warms_up && began.elapsed() < WARM_UP) {
+            break;
+        }
+        run()?;
     }
+    (0..runs).map(|_| run()).collect()
+}
+
+fn no_timestamps() -> Error {
+    Error::input("--device", "the device has no timestamps", "choose another one: see `tyndall devices`")
 }
 
 /// The middle one, or the mean of the two in the middle; 0 of nothing.

@@ -1,5 +1,7 @@
 //! `tyndall bench`: what this device is fast at.
 
+mod primitives;
+
 use super::render::{progress_bar, show};
 use super::{DeviceArgs, SceneArgs, in_string};
 use crate::Result;
@@ -23,12 +25,16 @@ pub struct Args {
 #[derive(clap::Subcommand, Debug)]
 enum Subject {
     Proxy(Box<ProxyArgs>),
+    Scan(primitives::ScanArgs),
+    Sort(primitives::SortArgs),
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<String> {
     match &args.subject {
         Subject::Proxy(args) => run_proxy(args),
+        Subject::Scan(args) => primitives::run_scan(args),
+        Subject::Sort(args) => primitives::run_sort(args),
     }
 }
 

@@ -118,7 +118,7 @@ impl DeviceArgs {
     pub fn config(&self) -> ContextConfig {
         // Validation shall see every pipeline compiled.
         let cache_dir = if self.validate == Validation::Off { user_cache_dir() } else { None };
-        ContextConfig { device: self.device.clone(), validation: self.validate, cache_dir }
+        ContextConfig { device: self.device.clone(), validation: self.validate, cache_dir, kernel_statistics: false }
     }
 }
 

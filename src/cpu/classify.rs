@@ -3,7 +3,7 @@
 use super::texture::Texture;
 use crate::abi::{SceneParams, TransferPointData};
 use crate::passes::classify::Emitted;
-use crate::shaders::constants::{MAX_HALF, NO_VALUE};
+use crate::shaders::constants::{DIFFERENCE_SCALE, MAX_HALF, NO_VALUE};
 use glam::{Vec3, Vec4};
 
 /// What a scalar stands for.
@@ -38,7 +38,8 @@ pub fn classify(scene: &SceneParams, points: &[TransferPointData], value: f32) -
     let low = points.partition_point(|p| p.value <= value);
     let a = points[low.max(1) - 1];
     let b = points[low.min(points.len() - 1)];
-    let (along, width) = (0.5 * value - 0.5 * a.value, 0.5 * b.value - 0.5 * a.value);
+    let scale = if a.value.abs().max(b.value.abs()) > 1.0 { DIFFERENCE_SCALE } else { 1.0 };
+    let (along, width) = (scale * value - scale * a.value, scale * b.value - scale * a.value);
     let t = if width > 0.0 { (along / width).clamp(0.0, 1.0) } else { 0.0 };
     let mix = |a: f32, b: f32| a * (1.0 - t) + b * t;
     let mix3 = |a: [f32; 3], b: [f32; 3]| [mix(a[0], b[0]), mix(a[1], b[1]), mix(a[2], b[2])];

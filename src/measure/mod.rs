@@ -3,7 +3,7 @@
 pub mod front;
 pub mod knobs;
 pub mod metrics;
-mod plot;
+pub mod plot;
 pub mod report;
 pub mod seeds;
 pub mod sweep;

@@ -117,6 +117,46 @@ pub fn front_plot(marks: &[Mark], front: &[usize], clock: &str) -> String {
     })
 }
 
+/// A line of [`size_plot`].
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// Its name in the legend.
+    pub name: String,
+    /// Items, and 10⁹ items per second.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Items per second against the number of items.
+pub fn size_plot(curves: &[Curve]) -> String {
+    svg((860, 520), |area| {
+        let points = || curves.iter().flat_map(|c| &c.points);
+        let (x, y) = (range(points().map(|p| p.0)), range(points().map(|p| p.1)));
+        let sizes: Vec<f64> = (0..32).map(|e| 2f64.powi(e)).filter(|n| x.contains(n)).collect();
+        let mut chart = ChartBuilder::on(area)
+            .margin(12)
+            .x_label_area_size(42)
+            .y_label_area_size(58)
+            .build_cartesian_2d(x.log_scale().with_key_points(sizes), logarithmic(y))?;
+        chart
+            .configure_mesh()
+            .light_line_style(WHITE)
+            .x_desc("items")
+            .y_desc("10⁹ items per second")
+            .x_label_formatter(&|n| format!("2^{}", n.log2().round()))
+            .y_label_formatter(&short)
+            .draw()?;
+        for (i, curve) in curves.iter().enumerate() {
+            let color = Palette99::pick(i).to_rgba();
+            chart
+                .draw_series(LineSeries::new(curve.points.iter().copied(), color.stroke_width(2)).point_size(3))?
+                .label(&curve.name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+        }
+        let corner = SeriesLabelPosition::LowerRight;
+        chart.configure_series_labels().position(corner).background_style(WHITE.mix(0.8)).border_style(GREY).draw()
+    })
+}
+
 /// Error against time along every knob, all on the same axes: dots are the error, rings the bias.
 pub fn knob_plot(panels: &[Panel], clock: &str) -> String {
     let all = || panels.iter().flat_map(|p| &p.marks);

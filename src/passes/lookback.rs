@@ -47,6 +47,19 @@ pub(super) fn check_capacity(pass: &str, capacity: u32) -> Result<()> {
     Ok(())
 }
 
+/// Checks that the device takes workgroups of this size, in full subgroups.
+pub(super) fn check_workgroup(ctx: &Context, pass: &str, workgroup: u32) -> Result<()> {
+    let (lanes, most) = (ctx.max_subgroup_size(), ctx.max_workgroup());
+    if workgroup == 0 || !workgroup.is_multiple_of(lanes) || workgroup > most {
+        return Err(Error::input(
+            pass,
+            format!("workgroups of {workgroup} invocations"),
+            format!("this device takes multiples of {lanes} up to {most}"),
+        ));
+    }
+    Ok(())
+}
+
 /// Workgroups along x and y for `tiles` tiles: at least one per tile, few more. Twin of `dispatch_args.comp`.
 pub fn grid(tiles: u32) -> [u32; 3] {
     let width = tiles.min(constants::MAX_GRID);

@@ -2,6 +2,7 @@
 //!
 //! Every kernel starts by ordering itself after the compute accesses recorded before; see each `record`.
 
+pub mod bench_copy;
 pub mod bench_rays;
 pub mod camera;
 pub mod classify;
@@ -21,6 +22,7 @@ pub mod scan;
 pub mod scene_data;
 pub mod see;
 pub mod single_scatter;
+pub mod tuning;
 
 use crate::shaders::constants::MAX_ITERATIONS;
 use crate::vk::{Access, Recorder};

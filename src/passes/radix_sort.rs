@@ -1,11 +1,11 @@
-//! Stable OneSweep radix sort of u32 keys with u32 payloads: `glsl/radix_histogram.comp`, `radix_scan.comp`,
+//! Stable OneSweep radix sort of u32 keys, with u32 payloads or without: `glsl/radix_histogram.comp`, `radix_scan.comp`,
 //! `radix_onesweep.comp`.
 
 use super::lookback::{self, Count, Diagnostics, DispatchArgs};
-use crate::Result;
 use crate::abi::{RadixHistogramPush, RadixOnesweepPush, RadixScanPush};
 use crate::shaders::{self, constants};
 use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
+use crate::{Error, Result};
 use std::ops::Range;
 
 /// Keys per invocation of the histogram: few enough for the loop budget, many enough to make flushing the bins cheap.
@@ -19,17 +19,38 @@ pub struct RadixSortConfig {
     pub workgroup: Option<u32>,
     /// Keys per invocation, 1 to 32.
     pub keys: u32,
+    /// Whether every key has a payload.
+    pub payloads: bool,
     /// Polls of a missing predecessor before its tile is counted in its place.
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
     pub withhold: u32,
     /// Widest subgroup that finds equal digits by broadcasts instead of ballots.
     pub broadcast_up_to: u32,
+    /// Whether equal digits are found by masks in shared memory, where subgroups have at most 32 lanes.
+    pub masks: bool,
+    /// Status words that a step of look-back loads at once.
+    pub ahead: u32,
+    /// Invocations of a workgroup of the histogram.
+    pub histogram_workgroup: u32,
+    /// Counters per digit of the histogram: 1, 2, 4 or 8.
+    pub histogram_parts: u32,
 }
 
 impl Default for RadixSortConfig {
     fn default() -> Self {
-        Self { workgroup: None, keys: 15, spin_limit: 64, withhold: 0, broadcast_up_to: 8 }
+        Self {
+            workgroup: None,
+            keys: 15,
+            payloads: true,
+            spin_limit: 64,
+            withhold: 0,
+            broadcast_up_to: 8,
+            masks: false,
+            ahead: 1,
+            histogram_workgroup: 256,
+            histogram_parts: 1,
+        }
     }
 }
 
@@ -41,6 +62,7 @@ pub struct RadixSort {
     args: DispatchArgs,
     tile: u32,
     histogram_tile: u32,
+    payloads: bool,
 }
 
 /// What a sort of up to `capacity` pairs needs besides keys and payloads.
@@ -48,6 +70,8 @@ pub struct RadixSortScratch {
     capacity: u32,
     keys: Buffer<u32>,
     payloads: Buffer<u32>,
+    /// In place of the caller's payloads, where there are none.
+    none: Buffer<u32>,
     histogram: Buffer<u32>,
     status: Buffer<u32>,
     args: Buffer<u32>,
@@ -70,16 +94,22 @@ pub struct Sorted<'a> {
     pub payloads: &'a Buffer<u32>,
 }
 
-/// `SCRATCH_WORDS` of `radix_onesweep.comp`: a tile of keys, or two digit counters per word for each subgroup.
-fn scratch_words(workgroup: u32, keys: u32, min_subgroup_size: u32) -> u32 {
-    (workgroup * keys).max(workgroup / min_subgroup_size * constants::RADIX_DIGITS / 2)
+/// Shared memory of `radix_onesweep.comp`.
+#[derive(Clone, Copy)]
+struct Shared {
+    scratch_words: u32,
+    bytes: u32,
 }
 
-/// Bytes of shared memory of `radix_onesweep.comp`.
-fn shared_bytes(workgroup: u32, keys: u32, min_subgroup_size: u32) -> u32 {
-    // The last two: the partial sums of the subgroups and the ticket.
-    let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1;
-    4 * (scratch_words(workgroup, keys, min_subgroup_size) + small)
+impl Shared {
+    /// The scratch holds a tile of keys, or for every subgroup two digit counters to a word and a mask per digit.
+    fn of(workgroup: u32, keys: u32, has_masks: bool, min_subgroup_size: u32) -> Self {
+        let words = constants::RADIX_DIGITS / 2 + if has_masks { constants::RADIX_DIGITS } else { 0 };
+        let scratch_words = (workgroup * keys).max(workgroup / min_subgroup_size * words);
+        // The last three: the partial sums of the subgroups, the ticket and the window.
+        let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 2;
+        Self { scratch_words, bytes: 4 * (scratch_words + small) }
+    }
 }
 
 impl RadixSort {
@@ -87,11 +117,26 @@ impl RadixSort {
     pub fn new(ctx: &Context, config: RadixSortConfig) -> Result<Self> {
         assert!((1..=32).contains(&config.keys), "{} keys; radix_onesweep.comp takes 1 to 32", config.keys);
         let narrow = ctx.min_subgroup_size();
-        let limit = constants::SHARED_BYTES;
-        let fits = |workgroup| shared_bytes(workgroup, config.keys, narrow) <= limit;
-        let workgroup = config.workgroup.unwrap_or(if fits(256) { 256 } else { 128 });
-        assert!(fits(workgroup), "workgroup {workgroup} in subgroups of {narrow} needs more than {limit} bytes shared");
-        let histogram = [("WORKGROUP", workgroup), ("KEYS", HISTOGRAM_KEYS)];
+        let limit = ctx.max_shared_bytes();
+        let has_masks = config.masks && ctx.max_subgroup_size() <= 32;
+        let shared = |workgroup| Shared::of(workgroup, config.keys, has_masks, narrow);
+        let workgroup = config.workgroup.unwrap_or(if shared(256).bytes <= limit { 256 } else { 128 });
+        let shared = shared(workgroup);
+        lookback::check_workgroup(ctx, "radix sort", workgroup)?;
+        lookback::check_workgroup(ctx, "radix sort", config.histogram_workgroup)?;
+        if shared.bytes > limit {
+            let keys = config.keys;
+            return Err(Error::input(
+                "radix sort",
+                format!(
+                    "{keys} keys for each of {workgroup} invocations in subgroups of {narrow}: {} bytes",
+                    shared.bytes
+                ),
+                format!("the device shares {limit} bytes among a workgroup: use fewer keys or smaller workgroups"),
+            ));
+        }
+        let histogram =
+            [("WORKGROUP", config.histogram_workgroup), ("KEYS", HISTOGRAM_KEYS), ("PARTS", config.histogram_parts)];
         let scan = [("WORKGROUP", workgroup), ("SUBGROUP_MIN", narrow)];
         let onesweep = [
             ("WORKGROUP", workgroup),
@@ -100,7 +145,11 @@ impl RadixSort {
             ("WITHHOLD", config.withhold),
             ("KEYS", config.keys),
             ("BROADCAST_UP_TO", config.broadcast_up_to),
-            ("SCRATCH_WORDS", scratch_words(workgroup, config.keys, narrow)),
+            ("SCRATCH_WORDS", shared.scratch_words),
+            ("PAYLOADS", config.payloads.into()),
+            ("BALLOT_WORDS", if ctx.max_subgroup_size() <= 32 { 1 } else { 4 }),
+            ("AHEAD", config.ahead),
+            ("MASKS", has_masks.into()),
         ];
         Ok(Self {
             histogram: Pipeline::new(ctx, &shaders::RADIX_HISTOGRAM, &histogram)?,
@@ -108,7 +157,8 @@ impl RadixSort {
             onesweep: Pipeline::new(ctx, &shaders::RADIX_ONESWEEP, &onesweep)?,
             args: DispatchArgs::new(ctx)?,
             tile: workgroup * config.keys,
-            histogram_tile: workgroup * HISTOGRAM_KEYS,
+            histogram_tile: config.histogram_workgroup * HISTOGRAM_KEYS,
+            payloads: config.payloads,
         })
     }
 
@@ -131,7 +181,9 @@ impl RadixSort {
     pub fn scratch_bytes(&self, capacity: u32) -> u64 {
         let small =
             constants::RADIX_PASSES * constants::RADIX_DIGITS + constants::ARGS_WORDS + constants::DIAGNOSTICS_WORDS;
-        4 * (2 * u64::from(capacity) + self.status_words(capacity, constants::RADIX_PASSES) + u64::from(small))
+        4 * ((1 + u64::from(self.payloads)) * u64::from(capacity)
+            + self.status_words(capacity, constants::RADIX_PASSES)
+            + u64::from(small))
     }
 
     /// Memory for sorts of up to `capacity` pairs.
@@ -141,13 +193,27 @@ impl RadixSort {
         Ok(RadixSortScratch {
             capacity,
             keys: ctx.device_buffer("radix_sort.keys", capacity as usize)?,
-            payloads: ctx.device_buffer("radix_sort.payloads", capacity as usize)?,
+            payloads: ctx.device_buffer("radix_sort.payloads", if self.payloads { capacity as usize } else { 0 })?,
+            none: ctx.device_buffer("radix_sort.none", 0)?,
             histogram: ctx
                 .device_buffer("radix_sort.histogram", (constants::RADIX_PASSES * constants::RADIX_DIGITS) as usize)?,
             status: ctx.device_buffer("radix_sort.status", status)?,
             args: DispatchArgs::buffer(ctx, "radix_sort.args")?,
             diagnostics: Diagnostics::new(ctx)?,
         })
+    }
+
+    /// Sorts the first `count` keys by bits `bits`, of a sort without payloads; else as [`RadixSort::record`].
+    pub fn record_keys<'a>(
+        &self,
+        rec: &mut Recorder,
+        keys: &'a Buffer<u32>,
+        count: Count<'_>,
+        bits: Range<u32>,
+        scratch: &'a RadixSortScratch,
+    ) -> &'a Buffer<u32> {
+        assert!(!self.payloads, "a sort of pairs, without payloads");
+        self.record_any(rec, keys, &scratch.none, count, bits, scratch).keys
     }
 
     /// Sorts the first `count` pairs by bits `bits` of their keys; pairs that agree in them keep their order. Takes
@@ -165,10 +231,24 @@ impl RadixSort {
         bits: Range<u32>,
         scratch: &'a RadixSortScratch,
     ) -> Sorted<'a> {
+        assert!(self.payloads, "a sort of keys alone, with payloads");
+        self.record_any(rec, keys, payloads, count, bits, scratch)
+    }
+
+    fn record_any<'a>(
+        &self,
+        rec: &mut Recorder,
+        keys: &'a Buffer<u32>,
+        payloads: &'a Buffer<u32>,
+        count: Count<'_>,
+        bits: Range<u32>,
+        scratch: &'a RadixSortScratch,
+    ) -> Sorted<'a> {
         assert!(bits.start <= bits.end && bits.end <= 32, "bits {bits:?} of a 32-bit key");
         let (bit_begin, bit_end) = (bits.start, bits.end);
         let passes = (bit_end - bit_begin).div_ceil(constants::RADIX_BITS);
-        let capacity = (scratch.capacity as usize).min(keys.len()).min(payloads.len()) as u32;
+        let most_payloads = if self.payloads { payloads.len() } else { usize::MAX };
+        let capacity = (scratch.capacity as usize).min(keys.len()).min(most_payloads) as u32;
         let mut source = Sorted { keys, payloads };
         let mut target = Sorted { keys: &scratch.keys, payloads: &scratch.payloads };
         if passes == 0 {
@@ -188,12 +268,14 @@ impl RadixSort {
         let rows = self.rows(most);
         let pushed = count.pushed();
 
+        rec.part("clear");
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
         rec.fill(&scratch.histogram, 0);
         rec.fill_range(&scratch.status, 0..self.status_words(most, passes), 0);
         rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
 
+        rec.part("histogram");
         let binds = [("keys", keys.bind()), ("args", scratch.args.bind()), ("histogram", scratch.histogram.bind())];
         let push = RadixHistogramPush { count: pushed, bit_begin, bit_end };
         let (pipeline, tile) = (&self.histogram, self.histogram_tile);
@@ -201,11 +283,13 @@ impl RadixSort {
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
 
         let status = || [("status", scratch.status.bind()), ("diagnostics", scratch.diagnostics.buffer().bind())];
+        rec.part("digits");
         let [words, diagnostics] = status();
         let binds = [("histogram", scratch.histogram.bind()), words, diagnostics];
         rec.dispatch(&self.scan, &binds, &RadixScanPush { rows }, [passes, 1, 1]);
 
         for pass in 0..passes {
+            rec.part(["pass 1", "pass 2", "pass 3", "pass 4"][pass as usize]);
             // Histogram's reads and the pass before: its keys are read now, what it read is overwritten.
             rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
             let [words, diagnostics] = status();
@@ -234,8 +318,8 @@ mod tests {
     fn shared_memory_fits_every_subgroup_size() {
         let keys = RadixSortConfig::default().keys;
         for subgroup in [4, 8, 16, 32, 64, 128] {
-            assert!(shared_bytes(128, keys, subgroup) <= constants::SHARED_BYTES, "subgroup {subgroup}");
-            assert_eq!(shared_bytes(256, keys, subgroup) <= constants::SHARED_BYTES, subgroup > 4);
+            assert!(Shared::of(128, keys, false, subgroup).bytes <= constants::SHARED_BYTES, "subgroup {subgroup}");
+            assert_eq!(Shared::of(256, keys, false, subgroup).bytes <= constants::SHARED_BYTES, subgroup > 4);
         }
     }
 }

@@ -13,17 +13,19 @@ pub struct ScanConfig {
     pub inclusive: bool,
     /// Invocations of a workgroup: a multiple of the subgroup size.
     pub workgroup: u32,
-    /// Items per invocation, 1 to 32.
-    pub rows: u32,
+    /// Vectors of four items per invocation, 1 to 32.
+    pub vectors: u32,
     /// Polls of a missing predecessor before its tile is computed in its place.
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
     pub withhold: u32,
+    /// Earlier tiles whose status each lane loads at once.
+    pub windows: u32,
 }
 
 impl Default for ScanConfig {
     fn default() -> Self {
-        Self { inclusive: false, workgroup: 256, rows: 16, spin_limit: 64, withhold: 0 }
+        Self { inclusive: false, workgroup: 256, vectors: 4, spin_limit: 64, withhold: 0, windows: 1 }
     }
 }
 
@@ -52,19 +54,21 @@ impl ScanScratch {
 impl Scan {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, config: ScanConfig) -> Result<Self> {
-        assert!((1..=32).contains(&config.rows), "{} rows; tile_rows.glsl takes 1 to 32", config.rows);
+        assert!((1..=32).contains(&config.vectors), "{} vectors; scan.comp takes 1 to 32", config.vectors);
+        lookback::check_workgroup(ctx, "scan", config.workgroup)?;
         let specialization = [
             ("WORKGROUP", config.workgroup),
             ("SUBGROUP_MIN", ctx.min_subgroup_size()),
             ("SPIN_LIMIT", config.spin_limit),
             ("WITHHOLD", config.withhold),
-            ("ROWS", config.rows),
+            ("VECTORS", config.vectors),
+            ("WINDOWS", config.windows),
             ("INCLUSIVE_SCAN", config.inclusive.into()),
         ];
         Ok(Self {
             pipeline: Pipeline::new(ctx, &shaders::SCAN, &specialization)?,
             args: DispatchArgs::new(ctx)?,
-            tile: config.workgroup * config.rows,
+            tile: config.workgroup * config.vectors * 4,
         })
     }
 
@@ -114,10 +118,12 @@ impl Scan {
                 capacity.div_ceil(self.tile)
             }
         };
+        rec.part("clear");
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
         rec.fill_range(&scratch.status, 0..lookback::status_words(tiles) as u64, 0);
         rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
+        rec.part("scan");
         let binds = [
             ("items", input.bind()),
             ("sums", output.bind()),

@@ -6,6 +6,7 @@ use crate::cpu;
 use crate::passes::lookback::{Count, Report};
 use crate::passes::radix_sort::{RadixSort, RadixSortConfig};
 use crate::passes::scan::{Scan, ScanConfig};
+use crate::passes::tuning::Tuning;
 use crate::vk::Recorder;
 
 const EXACT: &str = "integers: every one is right or the pass is wrong";
@@ -37,15 +38,16 @@ fn check_report(bench: &mut Bench<'_>, what: &str, report: Report, suspended: u3
 
 fn scans(bench: &mut Bench<'_>) -> Result<()> {
     let ctx = bench.ctx;
+    let tuned = Tuning::of(ctx).scan;
     // Withheld tiles make later ones compute them; with 100 full tiles, all withheld ones have a successor.
-    let suspended = ScanConfig { workgroup: NARROW, rows: 1, withhold: 3, spin_limit: 8, ..ScanConfig::default() };
-    let tile = (ScanConfig::default().workgroup * ScanConfig::default().rows) as usize;
+    let suspended = ScanConfig { workgroup: NARROW, vectors: 1, withhold: 3, spin_limit: 8, ..ScanConfig::default() };
+    let tile = Scan::new(ctx, tuned)?.tile() as usize;
     let lane = ctx.device_info().subgroup_size as usize;
     let awkward = [1, lane + 1, 257, tile - 1, tile, tile + 1, 3 * tile + 5, 1_000_003];
     for (name, config, sizes, withheld) in [
-        ("scan", ScanConfig::default(), &awkward[..], 0),
-        ("inclusive scan", ScanConfig { inclusive: true, ..ScanConfig::default() }, &awkward[3..], 0),
-        ("scan with every third tile suspended", suspended, &[NARROW as usize * 100 + 5], 100u32.div_ceil(3)),
+        ("scan", tuned, &awkward[..], 0),
+        ("inclusive scan", ScanConfig { inclusive: true, ..tuned }, &awkward[3..], 0),
+        ("scan with every third tile suspended", suspended, &[4 * NARROW as usize * 100 + 5], 100u32.div_ceil(3)),
     ] {
         let scan = Scan::new(ctx, config)?;
         let most = sizes.iter().copied().max().unwrap_or(0);
@@ -73,7 +75,7 @@ fn sorts(bench: &mut Bench<'_>) -> Result<()> {
     let ctx = bench.ctx;
     let suspended =
         RadixSortConfig { workgroup: Some(NARROW), keys: 1, withhold: 3, spin_limit: 8, ..Default::default() };
-    let usual = RadixSort::new(ctx, RadixSortConfig::default())?;
+    let usual = RadixSort::new(ctx, Tuning::of(ctx).sort)?;
     let tile = usual.tile() as usize;
     let held_up = RadixSort::new(ctx, suspended)?;
     let lane = ctx.device_info().subgroup_size as usize;

@@ -22,8 +22,9 @@ pub(super) struct RawBuffer {
 
 impl RawBuffer {
     pub(super) fn new(device: &Arc<DeviceShared>, name: &str, bytes: u64, location: MemoryLocation) -> Result<Self> {
-        // Vulkan forbids empty buffers, and an empty list is a list: it gets one word.
-        let bytes = bytes.max(4);
+        // Vulkan forbids empty buffers, and an empty list is a list. Whole vectors of four words, so that kernels may
+        // read the last words as one.
+        let bytes = bytes.max(1).next_multiple_of(16);
         let limit = u64::from(device.limits.max_storage_buffer_range);
         if location == MemoryLocation::GpuOnly && bytes > limit {
             return Err(Error::DeviceMemory {

@@ -4,6 +4,7 @@ use super::buffer::{Buffer, RawBuffer};
 use super::image::{Image, ImageFormat, RawImage};
 use super::pipeline_cache::CacheFile;
 use super::recorder::Recorder;
+use super::statistics::{self, KernelStatistics};
 use super::validation::{self, LayerSettings, Message, Severity, Sink, Validation};
 use crate::{Error, Result};
 use ash::vk;
@@ -27,6 +28,8 @@ pub struct ContextConfig {
     pub validation: Validation,
     /// Folder for compiled pipelines (see [`super::user_cache_dir`]); `None`: they are compiled anew.
     pub cache_dir: Option<PathBuf>,
+    /// Whether to ask the driver about the kernels that it compiles.
+    pub kernel_statistics: bool,
 }
 
 /// A device as `tyndall devices` shows it.
@@ -72,7 +75,11 @@ pub(super) struct DeviceShared {
     pub(super) pipeline_cache: vk::PipelineCache,
     cache_file: Option<CacheFile>,
     pipelines: Mutex<PipelineStats>,
+    /// Where statistics of kernels are asked for and to be had.
+    pub(super) executables: Option<ash::khr::pipeline_executable_properties::Device>,
+    pub(super) kernels: Mutex<Vec<KernelStatistics>>,
     pub(super) limits: vk::PhysicalDeviceLimits,
+    vendor_id: u32,
     min_subgroup_size: u32,
     pub(super) max_subgroup_size: u32,
     pub(super) has_timestamps: bool,
@@ -505,7 +512,8 @@ impl Context {
             }
         };
         let probe = probes.swap_remove(index);
-        let device = match create_device(&instance, physical[index], &probe) {
+        let tells = config.kernel_statistics && statistics::is_supported(&instance.raw, physical[index]);
+        let device = match create_device(&instance, physical[index], &probe, tells) {
             Ok(device) => device,
             Err(error) => {
                 instance.destroy();
@@ -556,6 +564,7 @@ impl Context {
         let allocator = allocator
             .map_err(|e| Error::Device { pass: "memory allocation", problem: format!("no allocator: {e}") })?;
         let debug = instance.messenger.as_ref().map(|_| ash::ext::debug_utils::Device::new(&instance.raw, &device));
+        let executables = tells.then(|| ash::khr::pipeline_executable_properties::Device::new(&instance.raw, &device));
         let shared = DeviceShared {
             raw: device,
             allocator: Mutex::new(Some(allocator)),
@@ -567,7 +576,10 @@ impl Context {
             pipeline_cache,
             cache_file,
             pipelines: Mutex::default(),
+            executables,
+            kernels: Mutex::default(),
             limits: probe.properties.limits,
+            vendor_id: probe.properties.vendor_id,
             min_subgroup_size: probe.min_subgroup_size,
             max_subgroup_size: probe.max_subgroup_size,
             has_timestamps: probe.timestamp_bits > 0 && probe.properties.limits.timestamp_period > 0.0,
@@ -610,9 +622,30 @@ impl Context {
         u64::from(self.shared.limits.max_storage_buffer_range)
     }
 
+    /// PCI vendor of the device, or a Khronos number.
+    pub fn vendor_id(&self) -> u32 {
+        self.shared.vendor_id
+    }
+
+    /// Most invocations of a workgroup along x.
+    pub fn max_workgroup(&self) -> u32 {
+        let limits = &self.shared.limits;
+        limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0])
+    }
+
+    /// Shared memory that a workgroup may use, in bytes.
+    pub fn max_shared_bytes(&self) -> u32 {
+        self.shared.limits.max_compute_shared_memory_size
+    }
+
     /// Fewest invocations that a subgroup of any shader may have.
     pub fn min_subgroup_size(&self) -> u32 {
         self.shared.min_subgroup_size
+    }
+
+    /// Most invocations that a subgroup of any shader may have.
+    pub fn max_subgroup_size(&self) -> u32 {
+        self.shared.max_subgroup_size
     }
 
     /// Largest number of workgroups along x.
@@ -633,6 +666,12 @@ impl Context {
     /// How the pipelines so far came about.
     pub fn pipeline_stats(&self) -> PipelineStats {
         *self.shared.pipelines()
+    }
+
+    /// What the driver says about the kernels so far, where [`ContextConfig::kernel_statistics`] asked for it and the
+    /// device tells.
+    pub fn kernel_statistics(&self) -> Vec<KernelStatistics> {
+        self.shared.kernels.lock().unwrap_or_else(|e| e.into_inner()).clone()
     }
 
     /// Were sound compiled pipelines of earlier contexts found?
@@ -797,7 +836,12 @@ unsafe fn create_cache(device: &ash::Device, data: &[u8]) -> ash::prelude::VkRes
     })
 }
 
-fn create_device(instance: &Instance, physical: vk::PhysicalDevice, probe: &Probe) -> Result<ash::Device> {
+fn create_device(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    probe: &Probe,
+    kernel_statistics: bool,
+) -> Result<ash::Device> {
     let priorities = [1.0];
     let queues =
         [vk::DeviceQueueCreateInfo::default().queue_family_index(probe.queue_family).queue_priorities(&priorities)];
@@ -819,11 +863,17 @@ fn create_device(instance: &Instance, physical: vk::PhysicalDevice, probe: &Prob
         .subgroup_size_control(true)
         .compute_full_subgroups(true)
         .maintenance4(true);
-    let info = vk::DeviceCreateInfo::default()
+    let mut executables =
+        vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
+    let extensions = [ash::khr::pipeline_executable_properties::NAME.as_ptr()];
+    let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_features(&core)
         .push_next(&mut f12)
         .push_next(&mut f13);
+    if kernel_statistics {
+        info = info.enabled_extension_names(&extensions).push_next(&mut executables);
+    }
     // SAFETY: the chained structs outlive the call; `choose` made sure that the features exist.
     unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|result| Error::Vulkan {
         operation: "vkCreateDevice",

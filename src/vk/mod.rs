@@ -15,6 +15,7 @@ mod image;
 mod pipeline;
 mod pipeline_cache;
 mod recorder;
+mod statistics;
 mod validation;
 
 pub use access::Access;
@@ -24,4 +25,5 @@ pub use image::{Image, ImageFormat};
 pub use pipeline::Pipeline;
 pub use pipeline_cache::user_cache_dir;
 pub use recorder::{Recorder, Submission, TimedPass};
+pub use statistics::KernelStatistics;
 pub use validation::{Message, Severity, Validation, no_messages};

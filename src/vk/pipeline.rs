@@ -107,6 +107,10 @@ impl Pipeline {
             .pipeline_stage_creation_feedbacks(&mut of_stages);
         let info =
             vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout).push_next(&mut feedback_info);
+        let mut info = info;
+        if device.executables.is_some() {
+            info = info.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR);
+        }
         let start = Instant::now();
         // SAFETY: stage, module, specialization and feedback outlive the call.
         let made = unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &[info], None) };
@@ -117,6 +121,11 @@ impl Pipeline {
             | vk::PipelineCreationFeedbackFlags::APPLICATION_PIPELINE_CACHE_HIT;
         device.count_pipeline(feedback.flags.contains(hit), ms);
         pipeline.handle = made.map_err(|(_, result)| result).map_err(error("vkCreateComputePipelines"))?[0];
+        if let Some(functions) = &device.executables {
+            // SAFETY: the pipeline was just made by this device, with the flag.
+            let statistics = unsafe { super::statistics::of_pipeline(functions, pipeline.handle, shader.name) };
+            device.kernels.lock().unwrap_or_else(|e| e.into_inner()).push(statistics);
+        }
         device.set_name(pipeline.handle, shader.name);
         device.set_name(pipeline.layout, shader.name);
         device.set_name(pipeline.set_layout, shader.name);

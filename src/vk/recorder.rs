@@ -60,6 +60,7 @@ pub struct Recorder {
     fence: vk::Fence,
     passes: Vec<TimedPass>,
     is_in_pass: bool,
+    times_parts: bool,
     tracker: Option<HazardTracker>,
     error: Option<Error>,
 }
@@ -85,6 +86,7 @@ impl Recorder {
             fence: vk::Fence::null(),
             passes: Vec::new(),
             is_in_pass: false,
+            times_parts: false,
             error: None,
         };
         let raw = &recorder.device.raw;
@@ -126,6 +128,20 @@ impl Recorder {
         self.is_in_pass = false;
         self.timestamp(2 * self.passes.len() as u32 - 1);
         self.label(None);
+    }
+
+    /// From here on, [`Recorder::part`] splits passes.
+    pub fn time_parts(&mut self) {
+        self.times_parts = true;
+    }
+
+    /// What follows in the open pass is its part `name`: a pass of its own where parts are timed, else the same pass.
+    pub fn part(&mut self, name: &'static str) {
+        if self.times_parts && self.is_in_pass {
+            let iteration = self.passes.last().map_or(0, |pass| pass.iteration);
+            self.end_pass();
+            self.begin_pass(name, iteration);
+        }
     }
 
     fn timestamp(&mut self, query: u32) {
