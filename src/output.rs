@@ -103,6 +103,14 @@ pub fn check_picture_path(path: &Path) -> Result<()> {
     check_writable(path)
 }
 
+/// Checks that `path` is a folder, or a place for one.
+pub fn check_folder(path: &Path) -> Result<()> {
+    if path.exists() && !path.is_dir() {
+        return Err(Error::file(path, "is no folder", "name a folder, or a place for a new one"));
+    }
+    Ok(())
+}
+
 /// Checks that a file can be created (or replaced) at `path`. Leaves nothing behind.
 pub fn check_writable(path: &Path) -> Result<()> {
     if path.is_dir() {

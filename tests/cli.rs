@@ -106,6 +106,33 @@ fn bench_scan_and_sort_refuse_what_does_not_fit() {
     place.fails(&["bench", "sort", "--sizes", "8:8:1", "--plot", "nowhere/t.svg"], 1, &["nowhere/t.svg"]);
 }
 
+/// Every way to choose directions is there at every size, is compared with `phase`, and is not measured twice.
+#[test]
+fn bench_scenes_keeps_what_it_measured() {
+    let place = Place::new();
+    let tiny = ["--edge", "8", "--pixels", "8", "--reference-spp", "8", "--iterations", "2", "--scenes", "tree"];
+    let args = [&["bench", "scenes", "-o", "kept", "--json"], &tiny[..]].concat();
+    let first = place.succeeds(&args);
+    let report = json(&first);
+    let table = &report["tables"][0];
+    assert_eq!(table["dims"], serde_json::json!([8, 8, 3]));
+    let rows = table["rows"].as_array().unwrap();
+    for sampling in ["phase", "top", "resample"] {
+        let of: Vec<_> = rows.iter().filter(|r| r["sampling"] == sampling).collect();
+        let directions: Vec<u64> = of.iter().map(|r| r["directions"].as_u64().unwrap()).collect();
+        assert!(directions.is_sorted() && directions.len() >= 5, "{sampling}: {directions:?}");
+        assert!(of.iter().all(|r| r["ms"].as_f64() > Some(0.0) && r["noise"].as_f64() > Some(0.0)), "{of:?}");
+        let orders = table["iterations"].as_array().unwrap().iter().filter(|r| r["sampling"] == sampling);
+        assert_eq!(orders.map(|r| r["orders"].as_u64().unwrap()).collect::<Vec<_>>(), [1, 2], "{sampling}");
+        let equal = table["equal"].as_array().unwrap().iter().find(|e| e["sampling"] == sampling);
+        assert_eq!(equal.map(|e| e["speedups"].as_array().unwrap().len()), (sampling != "phase").then_some(5));
+    }
+    assert_eq!(place.succeeds(&args), first, "measured times are kept");
+    place.write("file", "");
+    place.fails(&["bench", "scenes", "-o", "file"], 1, &["file", "is no folder"]);
+    place.fails(&["bench", "scenes", "-o", "x", "--scenes", "teapot"], 2, &["teapot", "skull"]);
+}
+
 #[test]
 fn bench_proxy_refuses_what_has_no_light() {
     let place = Place::new();

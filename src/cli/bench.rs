@@ -1,6 +1,7 @@
 //! `tyndall bench`: what this device is fast at.
 
 mod primitives;
+mod scenes;
 
 use super::render::{progress_bar, show};
 use super::{DeviceArgs, SceneArgs, in_string};
@@ -27,6 +28,7 @@ enum Subject {
     Proxy(Box<ProxyArgs>),
     Scan(primitives::ScanArgs),
     Sort(primitives::SortArgs),
+    Scenes(scenes::ScenesArgs),
 }
 
 /// Runs the command.
@@ -35,6 +37,7 @@ pub fn run(args: &Args) -> Result<String> {
         Subject::Proxy(args) => run_proxy(args),
         Subject::Scan(args) => primitives::run_scan(args),
         Subject::Sort(args) => primitives::run_sort(args),
+        Subject::Scenes(args) => scenes::run(args),
     }
 }
 

@@ -12,6 +12,7 @@ use crate::measure::knobs::Knob;
 use crate::measure::processor_ms;
 use crate::measure::report::Report;
 use crate::measure::sweep::{Clock, Effort, Options, Sweep};
+use crate::output;
 use crate::render::Progress;
 use crate::scene::{self, Model};
 use crate::stats::times;
@@ -81,9 +82,7 @@ pub fn run(args: &Args) -> Result<String> {
     let goals = [overrides.target_error.take().map(Goal::Error), overrides.seconds.take().map(Goal::Time)];
     let goals: Vec<Goal> = goals.into_iter().flatten().collect();
     overrides.size.get_or_insert(SIZE);
-    if args.output.exists() && !args.output.is_dir() {
-        return Err(Error::file(&args.output, "is no folder", "name a folder, or a place for a new one"));
-    }
+    output::check_folder(&args.output)?;
     let effort = match args.reference_error {
         Some(error) if error > 0.0 && error.is_finite() => Effort::Error(error),
         Some(error) => {

@@ -79,6 +79,8 @@ pub struct Record {
     pub processor_ms: Vec<f64>,
     /// GPU time of the passes, mean over the seeds.
     pub passes: Vec<PassTime>,
+    /// Share of the voxels with extinction.
+    pub active_fraction: f64,
     /// Elapsed time of all seeds, with the set-up.
     pub wall_ms: f64,
 }
@@ -149,9 +151,23 @@ impl<'a> Sweep<'a> {
     ///
     /// Errors: the scene's model is not `multiple`, a knob has no effect, the folder cannot be made.
     pub fn open(ctx: &'a Context, scene: Scene, folder: &Path, options: Options) -> Result<Self> {
+        let plan = knobs::plan(&scene, &options.knobs);
+        Self::of_plan(ctx, scene, folder, plan, options)
+    }
+
+    /// The same for a plan of one's own, at least one setting. The first is in the place of the scene's own: its orders are
+    /// the references'.
+    ///
+    /// Errors: the folder cannot be made.
+    pub fn of_plan(
+        ctx: &'a Context,
+        scene: Scene,
+        folder: &Path,
+        plan: Vec<Setting>,
+        options: Options,
+    ) -> Result<Self> {
         let settings = folder.join("settings");
         std::fs::create_dir_all(&settings).map_err(|e| Error::io(&settings, "create", e))?;
-        let plan = knobs::plan(&scene, &options.knobs);
         let mut sweep = Self {
             ctx,
             scene,
@@ -232,6 +248,11 @@ impl<'a> Sweep<'a> {
             Some(Row { setting, record: record.as_ref()?, picture: self.file(key, "png") })
         })
         .collect()
+    }
+
+    /// Share of the voxels with extinction, once a setting is measured.
+    pub fn active_fraction(&self) -> f64 {
+        self.records.iter().flatten().next().map_or(0.0, |record| record.active_fraction)
     }
 
     /// The references, once they are rendered.
@@ -332,7 +353,7 @@ impl<'a> Sweep<'a> {
         let mut renderer = Renderer::new(self.ctx, &self.scene, Internals::default())?;
         let seeds = self.options.seeds;
         let (mut pictures, mut passes) = (Vec::new(), Vec::new());
-        let (mut gpu_ms, mut spent) = (Vec::new(), Vec::new());
+        let (mut gpu_ms, mut spent, mut active_fraction) = (Vec::new(), Vec::new(), 0.0);
         for s in 0..seeds {
             let seed = self.scene.settings.seed.wrapping_add(s.into());
             let mut part = |p: Progress| progress((f64::from(s) + p.done) / f64::from(seeds));
@@ -341,6 +362,7 @@ impl<'a> Sweep<'a> {
             spent.extend(processor_ms().zip(before).map(|(after, before)| after - before));
             let stats = renderer.stats(&self.scene, 0.0)?;
             gpu_ms.push(stats.gpu_ms);
+            active_fraction = stats.volume.active_fraction;
             add_passes(&mut passes, &stats.passes, f64::from(seeds));
         }
         drop(renderer);
@@ -350,8 +372,8 @@ impl<'a> Sweep<'a> {
         let [a, b] = self.references();
         let references = [a.picture.clone(), b.picture.clone()];
         let errors = seed_errors(&pictures, &references)?;
-        let record =
-            Record { errors, gpu_ms, processor_ms: spent, passes, wall_ms: start.elapsed().as_secs_f64() * 1e3 };
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        let record = Record { errors, gpu_ms, processor_ms: spent, passes, active_fraction, wall_ms };
         let (_, png) = self.reference_picture();
         output::write_picture(&self.file(&self.keys[i], "png"), &pictures[0], &png)?;
         let text = crate::stats::to_json(&record);

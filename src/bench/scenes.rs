@@ -1,0 +1,304 @@
+//! `tyndall bench scenes`: the paper's second table again. Its four scenes as phantoms, with the ways to choose directions
+//! side by side: time and error at the paper's own settings, time at equal noise with each at its best, and error against the
+//! number of iterations.
+
+use crate::measure::knobs::Setting;
+use crate::measure::sweep::{Clock, Effort, Options, Sweep};
+use crate::render::Progress;
+use crate::scene::{Overrides, Sampling, Scene, Settings, load_scene};
+use crate::vk::Context;
+use crate::{Result, stats};
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// A scene of the paper (Liu et al. 2015, table 2).
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Case {
+    /// Name of the phantom.
+    pub name: &'static str,
+    /// The paper's volume, in voxels.
+    pub dims: [u32; 3],
+    /// The paper's share of active voxels, in percent.
+    pub paper_active: f64,
+    /// The paper's speedups over sampling by the phase function, on a GT 540M and a GTX 550 Ti.
+    pub paper_speedups: [f64; 2],
+}
+
+/// The four scenes, from few active voxels to many.
+pub const CASES: [Case; 4] = [
+    Case { name: "skull", dims: [256, 256, 256], paper_active: 18.0, paper_speedups: [2.99, 2.79] },
+    Case { name: "heart", dims: [256, 256, 256], paper_active: 23.0, paper_speedups: [2.80, 2.72] },
+    Case { name: "tree", dims: [512, 512, 182], paper_active: 32.0, paper_speedups: [2.20, 2.22] },
+    Case { name: "head", dims: [256, 256, 256], paper_active: 51.0, paper_speedups: [1.96, 2.19] },
+];
+
+/// Options.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Voxels along the longest axis; 0: as many as the paper's scenes have.
+    pub edge: u32,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Pictures per setting.
+    pub seeds: u32,
+    /// Samples per pixel of each of the two references.
+    pub reference_spp: u32,
+    /// Which clock counts.
+    pub clock: Clock,
+    /// Most iterations of the error against iterations; 0: none.
+    pub iterations: u32,
+}
+
+/// Orders of the paper's pictures: single scattering and three iterations; it says three to five.
+const ORDERS: u32 = 4;
+/// N of `phase` whose noise the others have to reach.
+const TARGETS: [u32; 5] = [1, 2, 4, 8, 16];
+/// N, and M of N that are chosen from; or that lie below N traced differences.
+const SHAPES: [[u32; 2]; 7] = [[1, 4], [2, 8], [4, 8], [4, 16], [8, 16], [8, 32], [16, 32]];
+/// The paper's N of M.
+const PAPER: [u32; 2] = [8, 16];
+
+/// What was measured of one setting.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// How directions are chosen.
+    pub sampling: Sampling,
+    /// N.
+    pub directions: u32,
+    /// M; 0 where nothing is estimated in the proxy.
+    pub candidates: u32,
+    /// K.
+    pub orders: u32,
+    /// Time of a picture, in ms, proxy builds included.
+    pub ms: f64,
+    /// Root mean square of the relative error, of the bias and of the noise.
+    pub error: f64,
+    /// See `error`.
+    pub bias: f64,
+    /// What the bias is below with 95 % confidence.
+    pub bias_bound: f64,
+    /// See `error`.
+    pub noise: f64,
+    /// Mean of the pictures over that of the references, minus 1, for R, G and B.
+    pub mean_bias: [f64; 3],
+}
+
+/// Time at equal noise.
+#[derive(Clone, Debug, Serialize)]
+pub struct Equal {
+    /// Who is compared with `phase`.
+    pub sampling: Sampling,
+    /// N of `phase`, and its time over the least time in which the other has as little noise.
+    pub speedups: Vec<(u32, f64)>,
+}
+
+/// One scene.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table {
+    /// The paper's.
+    pub case: Case,
+    /// Voxels.
+    pub dims: [u32; 3],
+    /// Share of cells with extinction.
+    pub active_fraction: f64,
+    /// Settings, with four orders.
+    pub rows: Vec<Row>,
+    /// Time at equal noise.
+    pub equal: Vec<Equal>,
+    /// Error against iterations, with the paper's N of M.
+    pub iterations: Vec<Row>,
+}
+
+type Watch<'w> = &'w mut dyn FnMut(Progress) -> ControlFlow<()>;
+
+fn scene_of(case: &Case, config: &Config, orders: u32) -> Result<Scene> {
+    let longest = case.dims.iter().copied().max().unwrap_or(1);
+    let edge = if config.edge == 0 { longest } else { config.edge };
+    let dims = case.dims.map(|d| (u64::from(d) * u64::from(edge)).div_ceil(u64::from(longest)).max(2) as u32);
+    let volume = format!("phantom:{}:{}", case.name, stats::times(&dims));
+    let overrides = Overrides { volume: Some(volume.into()), size: Some(config.size), ..Overrides::default() };
+    let mut scene = load_scene(None, &overrides)?;
+    scene.settings.orders = orders;
+    Ok(scene)
+}
+
+fn with(base: &Settings, sampling: Sampling, [directions, candidates]: [u32; 2]) -> Settings {
+    Settings { sampling, directions, candidates, ..base.clone() }
+}
+
+/// The ways that are compared with `phase`.
+const RIVALS: [Sampling; 2] = [Sampling::Top, Sampling::Resample];
+
+/// The first is the sweep's base: `phase` with the paper's N.
+fn settings(base: &Settings) -> Vec<Settings> {
+    let phase = |n: u32| with(base, Sampling::Phase, [n, base.candidates]);
+    let mut all = vec![phase(PAPER[0])];
+    all.extend(TARGETS.into_iter().filter(|&n| n != PAPER[0]).map(phase));
+    all.extend(RIVALS.into_iter().flat_map(|s| SHAPES.map(|shape| with(base, s, shape))));
+    all
+}
+
+fn iterations(base: &Settings, most: u32) -> Vec<Settings> {
+    let ways = [Sampling::Phase].into_iter().chain(RIVALS);
+    // The base has the references' orders: it comes first.
+    let orders: Vec<u32> = (1..=most).rev().collect();
+    ways.flat_map(|s| orders.iter().map(move |&orders| Settings { orders, ..with(base, s, PAPER) })).collect()
+}
+
+fn rows(sweep: &Sweep<'_>, clock: Clock) -> Vec<Row> {
+    let row = |r: &crate::measure::sweep::Row<'_>| {
+        let (s, e) = (&r.setting.settings, &r.record.errors);
+        Row {
+            sampling: s.sampling,
+            directions: s.directions,
+            candidates: if s.sampling == Sampling::Phase { 0 } else { s.candidates },
+            orders: s.orders,
+            ms: r.record.time(clock),
+            error: e.error(),
+            bias: e.bias_rms(),
+            bias_bound: e.bias_bound(),
+            noise: e.noise_rms(),
+            mean_bias: e.bias,
+        }
+    };
+    let mut rows: Vec<Row> = sweep.rows().iter().map(row).collect();
+    let place = |s: Sampling| RIVALS.iter().position(|&r| r == s).map_or(0, |i| i + 1);
+    rows.sort_by_key(|r| (place(r.sampling), r.orders, r.directions, r.candidates));
+    rows
+}
+
+/// Time at which a way to choose has this noise: along the line between neighbours of its front, in logarithms; beyond the
+/// least noisy, as if noise fell with the root of time.
+fn time_at(rows: &[&Row], noise: f64) -> Option<f64> {
+    let mut sorted: Vec<(f64, f64)> = rows.iter().map(|r| (r.ms.ln(), r.noise.ln())).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut front: Vec<(f64, f64)> = Vec::new();
+    for point in sorted {
+        if front.last().is_none_or(|last| point.1 < last.1) {
+            front.push(point);
+        }
+    }
+    let wanted = noise.ln();
+    let first = front.iter().position(|p| p.1 <= wanted);
+    let at = match first {
+        Some(0) => front[0].0,
+        Some(i) => {
+            let ((t0, n0), (t1, n1)) = (front[i - 1], front[i]);
+            t0 + (t1 - t0) * (n0 - wanted) / (n0 - n1)
+        }
+        None => front.last().map(|&(t, n)| t + 2.0 * (n - wanted))?,
+    };
+    Some(at.exp())
+}
+
+fn equal_noise(rows: &[Row]) -> Vec<Equal> {
+    let of = |sampling: Sampling| rows.iter().filter(move |r| r.sampling == sampling);
+    let compare = |&sampling: &Sampling| {
+        let all: Vec<&Row> = of(sampling).collect();
+        let speedup = |phase: &Row| Some((phase.directions, phase.ms / time_at(&all, phase.noise)?));
+        let mut speedups: Vec<_> = of(Sampling::Phase).filter_map(speedup).collect();
+        speedups.sort_by_key(|s| s.0);
+        Equal { sampling, speedups }
+    };
+    RIVALS.iter().map(compare).collect()
+}
+
+fn measure<'a>(
+    ctx: &'a Context,
+    scene: Scene,
+    folder: &Path,
+    settings: Vec<Settings>,
+    config: &Config,
+    progress: Watch<'_>,
+) -> Result<Sweep<'a>> {
+    let options = Options { knobs: vec![], seeds: config.seeds, effort: Effort::Samples(config.reference_spp) };
+    let plan = settings.into_iter().map(|settings| Setting { settings, knobs: vec![] }).collect();
+    let mut sweep = Sweep::of_plan(ctx, scene, folder, plan, options)?;
+    sweep.render_references(progress)?;
+    sweep.measure_base(progress)?;
+    sweep.measure_rest(usize::MAX, progress)?;
+    Ok(sweep)
+}
+
+/// Measures one scene, in a folder that keeps what was measured before.
+///
+/// Errors: a render fails, or the folder cannot be written.
+pub fn run(ctx: &Context, case: Case, config: &Config, folder: &Path, progress: Watch<'_>) -> Result<Table> {
+    let folder = folder.join(case.name);
+    let scene = scene_of(&case, config, ORDERS)?;
+    let (dims, all) = (scene.volume.grid.dims, settings(&scene.settings));
+    let sweep = measure(ctx, scene, &folder, all, config, progress)?;
+    let rows = rows(&sweep, config.clock);
+    let active_fraction = sweep.active_fraction();
+    let mut table = Table { case, dims, active_fraction, equal: equal_noise(&rows), rows, iterations: vec![] };
+    if config.iterations > 0 {
+        let scene = scene_of(&case, config, config.iterations)?;
+        let all = iterations(&scene.settings, config.iterations);
+        let sweep = measure(ctx, scene, &folder, all, config, progress)?;
+        table.iterations = self::rows(&sweep, config.clock);
+    }
+    Ok(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(sampling: Sampling, directions: u32, ms: f64, noise: f64) -> Row {
+        Row {
+            sampling,
+            directions,
+            candidates: 0,
+            orders: 4,
+            ms,
+            error: noise,
+            bias: 0.0,
+            bias_bound: 0.0,
+            noise,
+            mean_bias: [0.0; 3],
+        }
+    }
+
+    #[test]
+    fn times_lie_between_neighbours_of_the_front() {
+        let rows = [
+            row(Sampling::Resample, 1, 10.0, 0.4),
+            row(Sampling::Resample, 2, 1000.0, 0.3), // dominated
+            row(Sampling::Resample, 4, 40.0, 0.1),
+        ];
+        let all: Vec<&Row> = rows.iter().collect();
+        let close = |noise: f64, ms: f64| (time_at(&all, noise).unwrap() / ms - 1.0).abs() < 1e-9;
+        assert!(close(0.4, 10.0) && close(0.1, 40.0) && close(0.2, 20.0));
+        assert!(close(0.9, 10.0), "no faster than the fastest");
+        assert!(close(0.05, 160.0), "a quarter of the variance in four times the time");
+        assert_eq!(time_at(&[], 0.1), None);
+    }
+
+    #[test]
+    fn speedups_are_of_equal_noise() {
+        let rows = [
+            row(Sampling::Phase, 16, 100.0, 0.1),
+            row(Sampling::Phase, 4, 25.0, 0.2),
+            row(Sampling::Resample, 4, 50.0, 0.1),
+            row(Sampling::Resample, 1, 12.5, 0.2),
+        ];
+        let equal = equal_noise(&rows);
+        let resample = equal.iter().find(|e| e.sampling == Sampling::Resample).unwrap();
+        assert_eq!(resample.speedups.iter().map(|s| s.0).collect::<Vec<_>>(), [4, 16]);
+        assert!(resample.speedups.iter().all(|s| (s.1 - 2.0).abs() < 1e-9), "{resample:?}");
+    }
+
+    #[test]
+    fn phantoms_keep_the_shape_of_the_paper_s_volumes() {
+        let config = Config { edge: 32, size: [8, 8], seeds: 2, reference_spp: 1, clock: Clock::Device, iterations: 0 };
+        for case in CASES {
+            let scene = scene_of(&case, &config, 4).unwrap();
+            let expected = if case.name == "tree" { [32, 32, 12] } else { [32; 3] };
+            assert_eq!(scene.volume.grid.dims, expected);
+            let all = settings(&scene.settings);
+            assert_eq!((all[0].sampling, all[0].directions), (Sampling::Phase, PAPER[0]));
+            assert!(all.iter().enumerate().all(|(i, s)| !all[..i].contains(s)), "nothing twice");
+        }
+    }
+}
