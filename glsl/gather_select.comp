@@ -7,7 +7,7 @@
 //     candidate finds its own rank, so that no invocation loops more than M times.
 #define LIST_BINDING 1
 #include "include/list.glsl"
-#include "include/rng.glsl"
+#include "include/gather.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint SAMPLING = SAMPLING_RESAMPLE;
@@ -54,7 +54,7 @@ void main() {
         sum += weight_of(c, item);
     }
     uint index = list_items[chunk_begin + item];
-    float u = random_float(stream_key(index, order, scene.seed_low, scene.seed_high), 2u);
+    float u = draw_shift(stream_key(index, order, scene.seed_low, scene.seed_high));
     float m = float(candidates);
     float n = float(directions);
     // Systematic draw: candidate c is hit once for every integer in (below, above], the interval of its share n p.

@@ -280,6 +280,7 @@ pub struct GatherProxyPush {
     pub chunk_items: u32,
     pub order: u32,
     pub candidates: u32,
+    pub directions: u32,
     pub block: u32,
     pub step_voxels: f32,
 }
@@ -297,6 +298,20 @@ pub struct GatherSelectPush {
     pub defence: f32,
 }
 
+/// `gather_base.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "gather_base.comp documents the members")]
+pub struct GatherBasePush {
+    pub chunk_begin: u32,
+    pub chunk_items: u32,
+    pub order: u32,
+    pub candidates: u32,
+    pub directions: u32,
+    pub slot_begin: u32,
+    pub slot_end: u32,
+}
+
 /// `gather_trace.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -311,6 +326,29 @@ pub struct GatherTracePush {
     pub directions: u32,
     pub step_voxels: f32,
     pub light: u32,
+}
+
+/// `pilot.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[allow(missing_docs, reason = "pilot.comp documents the members")]
+pub struct PilotPush {
+    pub cells: u32,
+    pub directions: u32,
+    pub step_voxels: f32,
+    pub proxy_step_voxels: f32,
+}
+
+/// `pilot.comp`: what one replicate found in one cell.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[allow(missing_docs, reason = "pilot.comp documents the members")]
+pub struct PilotSample {
+    pub traced: [f32; 3],
+    pub base: [f32; 3],
+    pub residual: [f32; 3],
+    pub traced_steps: u32,
+    pub proxy_steps: u32,
 }
 
 /// `include/scatter_sample.glsl`: light that a point of a cell scatters.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::Result;
-use crate::scene::{Scene, Settings};
+use crate::scene::{Sampling, Scene, Settings};
 use crate::vk::{Context, PipelineStats, Severity, TimedPass, Validation};
 use crate::volume::Volume;
 
@@ -23,6 +23,9 @@ pub struct Stats {
     pub passes: Vec<PassStats>,
     /// The hash-bucket proxy, one entry per iteration that built one.
     pub proxy: Vec<ProxyStats>,
+    /// What the sampling `auto` decided on, and why; absent where there was no gather to decide on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub auto: Option<AutoStats>,
     /// What the path tracer knows of its own errors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathStats>,
@@ -94,6 +97,43 @@ pub struct ProxyStats {
     pub mask_requested: [u8; 4],
     /// Mask that was used: coarser if the runs would not have fitted.
     pub mask_used: [u8; 4],
+}
+
+/// The sampling `auto`. Variances are per cell and direction, in squares of the scattered light's own unit; costs are per
+/// ray in nanoseconds of GPU time, from counted steps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AutoStats {
+    /// What was chosen: `phase` or `residual`.
+    pub sampling: Sampling,
+    /// M of it; 0 for `phase`.
+    pub candidates: u32,
+    /// N of it.
+    pub directions: u32,
+    /// What `residual` would gain at best: the gathers' time with `phase` over that with `residual`, at the same noise; 0
+    /// where that takes more traced directions than `phase`, or more candidates than there may be.
+    pub residual_gain: f64,
+    /// It is chosen from this gain on.
+    pub least_gain: f64,
+    /// Of the light of traced directions.
+    pub phase_variance: f64,
+    /// V0: of their light in the proxy.
+    pub proxy_variance: f64,
+    /// V1: of traced less proxy.
+    pub residual_variance: f64,
+    /// Of a traced ray.
+    pub phase_cost: f64,
+    /// C0: of a ray in the proxy.
+    pub proxy_cost: f64,
+    /// C1: of both.
+    pub residual_cost: f64,
+    /// Steps of a traced ray.
+    pub traced_steps: f64,
+    /// Steps of a ray in the proxy.
+    pub proxy_steps: f64,
+    /// Scattering order whose gather the pilot looked at.
+    pub iteration: u32,
+    /// Cells that it looked at.
+    pub cells: u32,
 }
 
 /// A batch: the figures of the whole run, and of every frame.
@@ -254,6 +294,7 @@ impl Stats {
             gpu_ms: passes.iter().map(|p| p.ms).sum(),
             passes,
             proxy,
+            auto: None,
             path: None,
             wall_ms,
             pipelines: ctx.pipeline_stats(),
@@ -281,6 +322,7 @@ impl Stats {
         let mut out = String::new();
         self.print_passes(&mut out)
             .and_then(|()| self.print_proxy(&mut out))
+            .and_then(|()| self.print_auto(&mut out))
             .and_then(|()| self.print_path(&mut out))
             .expect("writing to a String cannot fail");
         out
@@ -306,6 +348,26 @@ impl Stats {
         let PipelineStats { made, cached, ms } = self.pipelines;
         writeln!(out, "pipelines: {made} made in {ms:.0} ms, {cached} of them from the cache on disk")?;
         writeln!(out, "device memory at its peak: {:.1} MiB", mebibytes(self.peak_device_bytes))
+    }
+
+    fn print_auto(&self, out: &mut String) -> std::fmt::Result {
+        let Some(auto) = &self.auto else { return Ok(()) };
+        match auto.sampling {
+            Sampling::Residual => write!(
+                out,
+                "\nauto: residual, {} directions and {} in the proxy, expected to take {:.2} of the time of phase",
+                auto.directions,
+                auto.candidates,
+                1.0 / auto.residual_gain
+            )?,
+            _ if auto.residual_gain > 0.0 => {
+                write!(out, "\nauto: phase, since residual would only be {:.2} times as fast", auto.residual_gain)?;
+            }
+            _ => write!(out, "\nauto: phase, since residual would be noisier")?,
+        }
+        let [v0, v1] = [auto.proxy_variance, auto.residual_variance].map(|v| v / auto.phase_variance);
+        let [c0, c1] = [auto.proxy_cost, auto.residual_cost].map(|c| c / auto.phase_cost);
+        writeln!(out, "; relative to a traced ray V0 {v0:.2}, V1 {v1:.2}, C0 {c0:.2}, C1 {c1:.2}; {} cells", auto.cells)
     }
 
     fn print_path(&self, out: &mut String) -> std::fmt::Result {
@@ -396,6 +458,7 @@ mod tests {
                 mask_requested: [255; 4],
                 mask_used: [0xF0; 4],
             }],
+            auto: None,
             path: None,
             gpu_ms: 3.75,
             wall_ms: 10.0,

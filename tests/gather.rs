@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3, Vec4};
 use half::f16;
 use tyndall::abi::ScatterSample;
 use tyndall::cpu;
-use tyndall::cpu::gather::{Carried, Choice};
+use tyndall::cpu::gather::{Carried, Choice, Lattice};
 use tyndall::cpu::project::Sums;
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::compact::Listed;
@@ -84,7 +84,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     let source = Source { a: lit(31, 0.0, 900.0), b: [32, 33, 34].map(|seed| lit(seed, -300.0, 300.0)) };
 
     let proxy_config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
-    let proxy = config.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
+    let proxy = config.sampling.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
     let pass = Gather::new(ctx, &setup.data, config, CHUNK, what).unwrap();
     let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true, LightFor::View).unwrap();
     let (list, cells) = setup.list(ctx, Listed::Cells);
@@ -112,22 +112,24 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     rec.submit_and_wait().unwrap();
 
     let items = cells.len();
-    let choice = |c: &[u32; 2]| Choice { candidate: c[0], weight: f32::from_bits(c[1]) };
+    let choice = |c: &[u32; 2]| Choice { candidate: c[0], weight: f32::from_bits(c[1]), less: 0.0 };
+    let all = |less: &dyn Fn(u32) -> f32| {
+        let weight = 1.0 / config.directions as f32;
+        (0..config.directions).map(|candidate| Choice { candidate, weight, less: less(candidate) }).collect()
+    };
     let read = |buffer: &Buffer<[u32; 2]>| transposed(&ctx.read_back(buffer).unwrap(), items);
     let (weights, chosen, light) = match &proxy {
-        None => {
-            let all =
-                (0..config.directions).map(|candidate| Choice { candidate, weight: 1.0 / config.directions as f32 });
-            (vec![], vec![all.collect(); items], Texture::filled(dims, Vec2::ZERO))
+        None => (vec![], vec![all(&|_| 0.0); items], Texture::filled(dims, Vec2::ZERO)),
+        Some(proxy) => {
+            let weights = transposed(&ctx.read_back(pass.weights()).unwrap(), items);
+            let chosen = if config.sampling.is_choice() {
+                let of_cell = |slots: &Vec<_>| slots.iter().map(choice).filter(|c| c.weight > 0.0).collect();
+                read(pass.chosen()).iter().map(of_cell).collect()
+            } else {
+                weights.iter().map(|w| all(&|direction| w[direction as usize])).collect()
+            };
+            (weights, chosen, proxy_light(ctx, proxy, dims))
         }
-        Some(proxy) => (
-            transposed(&ctx.read_back(pass.weights()).unwrap(), items),
-            read(pass.chosen())
-                .iter()
-                .map(|slots| slots.iter().map(choice).filter(|c| c.weight > 0.0).collect())
-                .collect(),
-            proxy_light(ctx, proxy, dims),
-        ),
     };
     let is_used = |s: &&ScatterSample| s.light != [0.0; 3];
     let samples = transposed(&ctx.read_back(projection.samples()).unwrap(), items);
@@ -167,7 +169,7 @@ fn sky(setup: &Setup) -> Vec3 {
 
 /// Traces the same choices in the twin.
 fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32) {
-    let lattice = if config.uses_proxy() { config.candidates } else { config.directions };
+    let lattice = if config.sampling.is_choice() { config.candidates } else { config.directions };
     let host = &g.setup.host;
     let carried = match what {
         What::Projected => Carried::Projected(&g.source, sky(&g.setup)),
@@ -177,6 +179,11 @@ fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32)
     let expected = cpu::gather::gather_trace(host, &g.cells, carried, &g.chosen, ORDER, lattice, config.step);
     let case = format!("{name}, {:?}, g {}, {what:?} {light}", config.sampling, host.params.g);
     let mut sums = Sums::zero(host.params.dims);
+    if config.sampling == Sampling::Residual {
+        let energies: Vec<_> = g.weights.iter().map(|w| w[config.directions as usize..].to_vec()).collect();
+        let base = cpu::gather::gather_base(host, &g.cells, &energies, ORDER);
+        cpu::project::project_deposit(&host.params, &g.cells, &base, true, &mut sums);
+    }
     cpu::project::project_deposit(&host.params, &g.cells, &expected, true, &mut sums);
     let same = |what: &str, got: &Texture<Vec4>, expected: &Texture<Vec4>| {
         assert_close(&format!("{case}: {what}"), &got.texels, &expected.texels, ROUNDING, CANCELLED);
@@ -201,7 +208,11 @@ fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32)
 fn check_proxy(name: &str, g: &Ran, config: GatherConfig) {
     let (params, cells) = (&g.setup.host.params, &g.cells);
     let (candidates, step) = (config.candidates, config.proxy_step);
-    let expected = cpu::gather::gather_proxy(params, cells, &g.light, sky(&g.setup), ORDER, candidates, step).concat();
+    let lattices = match config.sampling {
+        Sampling::Residual => vec![(Lattice::Traced, config.directions), (Lattice::Base, candidates)],
+        _ => vec![(Lattice::Traced, candidates)],
+    };
+    let expected = cpu::gather::gather_proxy(params, cells, &g.light, sky(&g.setup), ORDER, &lattices, step).concat();
     let got = g.weights.concat();
     assert_eq!(got.len(), expected.len(), "{name}");
     let most = expected.iter().copied().fold(0.0, f32::max);
@@ -241,8 +252,10 @@ fn check_select(name: &str, g: &Ran, config: GatherConfig) {
 
 fn check(ctx: &Context, name: &str, scene: &Scene, config: GatherConfig) {
     let gathered = gather(ctx, scene, config, What::Projected, 0);
-    if config.uses_proxy() {
+    if config.sampling.uses_proxy() {
         check_proxy(name, &gathered, config);
+    }
+    if config.sampling.is_choice() {
         check_select(name, &gathered, config);
     }
     check_trace(name, gathered, config, What::Projected, 0);
@@ -285,6 +298,19 @@ fn the_brightest_are_chosen_as_in_the_twin() {
     });
 }
 
+/// Both levels: proxy energies of two sets of directions, their mean, and what traced rays say beyond them.
+#[test]
+fn both_levels_of_residual_agree_with_the_twin() {
+    gpu_test(|ctx| {
+        let config = GatherConfig { sampling: Sampling::Residual, ..CONFIG };
+        for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
+            scene.g = [0.0, 0.6][i % 2];
+            scene.environment = [constant_sky(), scene.environment][i / 2 % 2].clone();
+            check(ctx, name, &scene, config);
+        }
+    });
+}
+
 /// Emitted light as classification stores it, where the source is not multiplied by the extinction.
 #[test]
 fn light_that_was_not_projected() {
@@ -318,7 +344,7 @@ fn ends_of_the_knobs() {
         let scene = scene_of(grid, random_values(6, 210));
         let knobs = vec![(9, 1, 0.2), (7, 7, 0.2), (1, 1, 0.5), (30, 8, 1.0), (30, 8, 1e-3)];
         for (candidates, directions, defence) in cases(knobs) {
-            for sampling in cases(vec![Sampling::Resample, Sampling::Top]) {
+            for sampling in cases(vec![Sampling::Resample, Sampling::Top, Sampling::Residual]) {
                 let config = GatherConfig { sampling, candidates, directions, defence, ..CONFIG };
                 check(ctx, &format!("N {directions} of M {candidates}, β {defence}"), &scene, config);
             }
@@ -335,10 +361,9 @@ fn many_directions_are_split() {
         // 716 iterations per ray: 40 rays per invocation.
         let config = GatherConfig { candidates: 100, directions: 90, step: 0.01, proxy_step: 0.01, ..CONFIG };
         assert!(tyndall::passes::rays_per_invocation([5, 3, 4], 0.01) < 45);
-        let gathered = gather(ctx, &scene, config, What::Projected, 0);
-        check_proxy("blocks", &gathered, config);
-        check_select("blocks", &gathered, config);
-        check_trace("dispatches", gathered, config, What::Projected, 0);
+        for sampling in cases(vec![Sampling::Resample, Sampling::Residual]) {
+            check(ctx, "blocks and dispatches", &scene, GatherConfig { sampling, ..config });
+        }
     });
 }
 

@@ -5,6 +5,7 @@ mod common;
 #[path = "common/scenes.rs"]
 mod scenes;
 
+use clap::ValueEnum as _;
 use common::gpu_test;
 use scenes::{scene_of, volume_of};
 use std::ops::{ControlFlow, Range};
@@ -15,7 +16,8 @@ use tyndall::render::{Internals, Renderer};
 use tyndall::scene::{Sampling, Scene};
 use tyndall::vk::{Context, Validation};
 
-const NORMAL: Internals = Internals { zero_bucket_colors: false, proxy_capacity: None, segment_voxels: None };
+const NORMAL: Internals =
+    Internals { zero_bucket_colors: false, proxy_capacity: None, segment_voxels: None, costs: None };
 
 /// A lumpy cube of `edge`³ voxels that fills the picture, lit from one side only, so that the light within comes from
 /// few directions. Camera samples enough that the noise is mostly the gathers.
@@ -105,8 +107,8 @@ fn assert_agree(case: &str, a: &[Picture], b: &[Picture], most_error: f64) {
 const SEEDS: u64 = 64;
 
 #[test]
-fn resample_has_the_mean_of_phase_with_and_without_the_proxy_and_top_has_not() {
-    if skips_statistics("resample_has_the_mean_of_phase_with_and_without_the_proxy_and_top_has_not") {
+fn resample_and_residual_have_the_mean_of_phase_with_and_without_the_proxy_and_top_has_not() {
+    if skips_statistics("resample_and_residual_have_the_mean_of_phase_with_and_without_the_proxy_and_top_has_not") {
         return;
     }
     gpu_test(|ctx| {
@@ -119,6 +121,13 @@ fn resample_has_the_mean_of_phase_with_and_without_the_proxy_and_top_has_not() {
         let gain = variance(&phase) / variance(&resample);
         println!("resample has {gain:.2} times less variance than phase");
         assert!(gain > 1.1, "resample does not pay: the variance is {gain} times less");
+
+        // Both levels together have the mean, with less noise than as many traced directions alone.
+        let residual = set(Sampling::Residual, NORMAL, 4000);
+        assert_agree("residual", &residual, &phase, 0.003);
+        let gain = variance(&phase) / variance(&residual);
+        println!("residual has {gain:.2} times less variance than phase");
+        assert!(gain > 1.1, "residual does not pay: the variance is {gain} times less");
 
         // The same test must find the bias of the N brightest of M. It brightens.
         let top = set(Sampling::Top, NORMAL, 2000);
@@ -141,8 +150,8 @@ fn resample_has_the_mean_of_phase_with_and_without_the_proxy_and_top_has_not() {
 }
 
 #[test]
-fn resample_has_the_mean_of_phase_where_scattering_is_forward() {
-    if skips_statistics("resample_has_the_mean_of_phase_where_scattering_is_forward") {
+fn resample_and_residual_have_the_mean_of_phase_where_scattering_is_forward() {
+    if skips_statistics("resample_and_residual_have_the_mean_of_phase_where_scattering_is_forward") {
         return;
     }
     gpu_test(|ctx| {
@@ -151,7 +160,9 @@ fn resample_has_the_mean_of_phase_where_scattering_is_forward() {
             scene.g = 0.6;
             pictures(ctx, &scene, NORMAL, first..first + SEEDS)
         };
-        assert_agree("g = 0.6", &set(Sampling::Resample, 1000), &set(Sampling::Phase, 0), 0.008);
+        let phase = set(Sampling::Phase, 0);
+        assert_agree("resample, g = 0.6", &set(Sampling::Resample, 1000), &phase, 0.008);
+        assert_agree("residual, g = 0.6", &set(Sampling::Residual, 2000), &phase, 0.008);
     });
 }
 
@@ -180,7 +191,7 @@ fn fewer_directions_for_hidden_cells_keep_the_mean() {
 #[test]
 fn a_seed_fixes_every_byte() {
     gpu_test(|ctx| {
-        for sampling in [Sampling::Phase, Sampling::Top, Sampling::Resample] {
+        for &sampling in Sampling::value_variants() {
             let scene = scene(12, sampling, "candidates = 8\ndirections = 3");
             let mut renderer = Renderer::new(ctx, &scene, NORMAL).unwrap();
             let [first, other, again] = [7, 8, 7].map(|seed| picture(&mut renderer, seed));
@@ -223,6 +234,9 @@ fn all_candidates_traced_once_are_phase_s_directions() {
         // Equal weights hit every candidate exactly once.
         let blind = render(Sampling::Resample, Internals { zero_bucket_colors: true, ..NORMAL });
         assert!(phase == blind, "N = M, equal weights: {:?}", compare(&blind, &phase).unwrap());
+        // A proxy that is dark leaves what is traced, in the same directions.
+        let blind = render(Sampling::Residual, Internals { zero_bucket_colors: true, ..NORMAL });
+        assert!(phase == blind, "residual of nothing: {:?}", compare(&blind, &phase).unwrap());
         // The brightest 8 of 8 are all of them, but from other points of the cell: no bias is left.
         let top = compare(&render(Sampling::Top, NORMAL), &phase).unwrap();
         assert!(top.rel_mse < 2e-3 && top.bias.iter().all(|b| b.abs() < 0.01), "top with N = M: {top:?}");
@@ -261,7 +275,7 @@ fn one_direction_and_many_candidates() {
 #[test]
 fn a_split_list_of_cells_changes_nothing_but_rounding() {
     gpu_test(|ctx| {
-        for sampling in [Sampling::Phase, Sampling::Resample] {
+        for sampling in [Sampling::Phase, Sampling::Resample, Sampling::Residual] {
             let scene = scene(13, sampling, "candidates = 8\ndirections = 3");
             let render = |segment_voxels| pictures(ctx, &scene, Internals { segment_voxels, ..NORMAL }, 4..5);
             let whole = render(None);

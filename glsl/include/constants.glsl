@@ -147,6 +147,13 @@ const uint SAMPLING_PHASE = 0u;
 const uint SAMPLING_TOP = 1u;
 // SAMPLING: N of M candidates drawn in proportion to their proxy energy.
 const uint SAMPLING_RESAMPLE = 2u;
+// SAMPLING: M directions in the proxy, and N others of which the difference to the proxy is traced.
+const uint SAMPLING_RESIDUAL = 3u;
+
+// Stream of the random numbers of the pilot's first replicate; the others follow.
+const uint PILOT_STREAM = 1346980943u;
+// Estimates of the same mean that the pilot makes in every cell: what two of them differ by is their variance.
+const uint PILOT_REPLICATES = 2u;
 
 // STRUCTURE: uniform steps, nothing is skipped.
 const uint STRUCTURE_NONE = 0u;

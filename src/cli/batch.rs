@@ -216,7 +216,9 @@ impl<'a> Batch<'a> {
             None => VolumeStats::of(&self.scene.volume, f64::NAN),
         };
         let proxy = self.first.as_ref().map_or(Vec::new(), |stats| stats.proxy.clone());
-        BatchStats { all: Stats::new(self.ctx, &self.scene, volume, self.passes.clone(), proxy, wall_ms), frames }
+        let auto = self.first.as_ref().and_then(|stats| stats.auto.clone());
+        let all = Stats::new(self.ctx, &self.scene, volume, self.passes.clone(), proxy, wall_ms);
+        BatchStats { all: Stats { auto, ..all }, frames }
     }
 }
 

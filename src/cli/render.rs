@@ -107,7 +107,11 @@ fn settings_line(scene: &Scene, stats: &Stats) -> String {
     let s = &scene.settings;
     let method = match s.model {
         Model::Multiple => {
-            let pool = if s.sampling == Sampling::Phase { String::new() } else { format!(" of {}", s.candidates) };
+            let pool = match s.sampling {
+                Sampling::Phase | Sampling::Auto => String::new(),
+                Sampling::Top | Sampling::Resample => format!(" of {}", s.candidates),
+                Sampling::Residual => format!(" + {} proxy", s.candidates),
+            };
             let orders = s.orders;
             format!("multiple, orders {orders}, {} {}{pool} directions", name_of(&s.sampling), s.directions)
         }

@@ -1,7 +1,7 @@
 //! Twin of `bench_rays.comp`: its rays, and what is along them in the data and in voxels of one light each. Structures
 //! differ from these in rounding only.
 
-use super::gather::lattice_shift;
+use super::gather::{Lattice, lattice_shift};
 use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance};
 use super::project::{Cell, point_of_sample};
 use super::rng::{random_float, stream_key};
@@ -15,7 +15,8 @@ use glam::{Vec2, Vec3, Vec4};
 pub fn ray(scene: &SceneParams, index: u32, d: u32, directions: u32, step_voxels: f32) -> Ray {
     let flip = random_float(stream_key(index, 0, scene.seed_low, scene.seed_high), 3) * CELL_POINTS as f32;
     let position = Cell::from_linear(scene, index).position(point_of_sample(d, flip as u32));
-    make_ray(scene, position, lattice_direction(d, directions, lattice_shift(scene, index, 0)), step_voxels)
+    let shift = lattice_shift(scene, index, 0, Lattice::Traced);
+    make_ray(scene, position, lattice_direction(d, directions, shift), step_voxels)
 }
 
 /// Radiance (mean of the channels) and transmittance in steps through `source`: rgb = source function, a = extinction.

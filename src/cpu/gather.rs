@@ -1,4 +1,4 @@
-//! Twins of `gather_proxy.comp`, `gather_select.comp` and `gather_trace.comp`.
+//! Twins of `gather_proxy.comp`, `gather_select.comp`, `gather_base.comp` and `gather_trace.comp`.
 
 use super::delta_lights::light_at;
 use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance};
@@ -19,43 +19,80 @@ pub struct Choice {
     pub candidate: u32,
     /// Factor of its radiance.
     pub weight: f32,
+    /// Subtracted from its radiance before, for `residual`: the proxy's energy.
+    pub less: f32,
+}
+
+fn key_of(scene: &SceneParams, index: u32, order: u32) -> u32 {
+    stream_key(index, order, scene.seed_low, scene.seed_high)
+}
+
+pub(super) fn point_flip(scene: &SceneParams, index: u32, order: u32) -> u32 {
+    (random_float(key_of(scene, index, order), 3) * CELL_POINTS as f32) as u32
+}
+
+/// A cell's lattices of directions, independent of each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lattice {
+    /// Of the traced directions, or of the candidates that they are chosen from.
+    Traced,
+    /// Of those that `residual` follows in the proxy alone.
+    Base,
 }
 
 /// Shift of a cell's lattice of directions.
-pub(super) fn lattice_shift(scene: &SceneParams, index: u32, order: u32) -> [f32; 2] {
-    let key = stream_key(index, order, scene.seed_low, scene.seed_high);
-    [random_float(key, 0), random_float(key, 1)]
+pub(super) fn lattice_shift(scene: &SceneParams, index: u32, order: u32, lattice: Lattice) -> [f32; 2] {
+    let key = key_of(scene, index, order);
+    let first = match lattice {
+        Lattice::Traced => 0,
+        Lattice::Base => 4,
+    };
+    [random_float(key, first), random_float(key, first + 1)]
 }
 
-/// Energy of every candidate of every listed cell, estimated with nearest reads of `light`: source function and extinction
-/// as the proxy has them. `sky`: radiance behind everything, in their units. `weights[cell in the list][candidate]`.
+/// Energy of a direction, estimated with nearest reads of `light`: source function and extinction as the proxy has them.
+/// `sky`: radiance behind everything, in their units.
+pub(super) fn proxy_energy(
+    scene: &SceneParams,
+    light: &Texture<Vec2>,
+    sky: Vec3,
+    position: Vec3,
+    towards: Vec3,
+    step_voxels: f32,
+) -> f32 {
+    let ray = make_ray(scene, position, towards, step_voxels);
+    let (mut through, mut energy) = (1.0f32, 0.0);
+    for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
+        if through <= 0.01 {
+            break;
+        }
+        let l = light.fetch_clamped(p.floor().as_ivec3());
+        let passed = (-l.y * scene.max_extinction * stride).exp();
+        energy += through * (1.0 - passed) * l.x;
+        through *= passed;
+    }
+    energy + through * sky.element_sum() / 3.0
+}
+
+/// Energy of every direction of every listed cell, as [`proxy_energy`] estimates it. `lattices`: whose points are the directions, and
+/// how many each has. `weights[cell in the list][direction]`.
 pub fn gather_proxy(
     scene: &SceneParams,
     cells: &[u32],
     light: &Texture<Vec2>,
     sky: Vec3,
     order: u32,
-    candidates: u32,
+    lattices: &[(Lattice, u32)],
     step_voxels: f32,
 ) -> Vec<Vec<f32>> {
-    let energy = |position: Vec3, towards: Vec3| {
-        let ray = make_ray(scene, position, towards, step_voxels);
-        let (mut through, mut energy) = (1.0f32, 0.0);
-        for Step { p, stride, .. } in ray.steps(ray.dt, f32::INFINITY) {
-            if through <= 0.01 {
-                break;
-            }
-            let l = light.fetch_clamped(p.floor().as_ivec3());
-            let passed = (-l.y * scene.max_extinction * stride).exp();
-            energy += through * (1.0 - passed) * l.x;
-            through *= passed;
-        }
-        energy + through * sky.element_sum() / 3.0
-    };
     let of_cell = |&index: &u32| {
         let cell = Cell::from_linear(scene, index);
-        let shift = lattice_shift(scene, index, order);
-        (0..candidates).map(|c| energy(cell.middle(), lattice_direction(c, candidates, shift))).collect()
+        let of_lattice = |&(lattice, points): &(Lattice, u32)| {
+            let shift = lattice_shift(scene, index, order, lattice);
+            (0..points).map(move |i| lattice_direction(i, points, shift))
+        };
+        let energy = |towards| proxy_energy(scene, light, sky, cell.middle(), towards, step_voxels);
+        lattices.iter().flat_map(of_lattice).map(energy).collect()
     };
     cells.iter().map(of_cell).collect()
 }
@@ -66,7 +103,7 @@ pub fn select_top(weights: &[f32], directions: u32) -> Vec<Choice> {
     // Stable: of equal weights the first comes first.
     ranked.sort_by(|&a, &b| weights[b as usize].total_cmp(&weights[a as usize]));
     ranked.truncate(directions as usize);
-    ranked.iter().map(|&candidate| Choice { candidate, weight: 1.0 / directions as f32 }).collect()
+    ranked.iter().map(|&candidate| Choice { candidate, weight: 1.0 / directions as f32, less: 0.0 }).collect()
 }
 
 /// `resample`: a systematic draw of N from p_i = (1−β) w_i/Σw + β/M, shifted by `u` in [0, 1); the factor is
@@ -83,7 +120,7 @@ pub fn select_resample(weights: &[f32], directions: u32, defence: f32, u: f32) -
         above = if c + 1 == weights.len() { n + f64::from(u) } else { above + n * p };
         let hits = above.floor() - below.floor();
         if hits > 0.0 {
-            chosen.push(Choice { candidate: c as u32, weight: (hits / (m * n * p)) as f32 });
+            chosen.push(Choice { candidate: c as u32, weight: (hits / (m * n * p)) as f32, less: 0.0 });
         }
     }
     chosen
@@ -91,7 +128,31 @@ pub fn select_resample(weights: &[f32], directions: u32, defence: f32, u: f32) -
 
 /// The random number of [`select_resample`] for a cell.
 pub fn select_shift(scene: &SceneParams, index: u32, order: u32) -> f32 {
-    random_float(stream_key(index, order, scene.seed_low, scene.seed_high), 2)
+    random_float(key_of(scene, index, order), 2)
+}
+
+/// `residual`: the samples of its lower level in the listed cells, from the energies of the M directions of
+/// [`Lattice::Base`]. For g = 0 every point has the mean over all of them, else each direction its point.
+pub fn gather_base(scene: &HostScene, cells: &[u32], energies: &[Vec<f32>], order: u32) -> Vec<Vec<ScatterSample>> {
+    let s = &scene.params;
+    let of_cell = |(&index, energies): (&u32, &Vec<f32>)| {
+        let cell = Cell::from_linear(s, index);
+        let (flip, m) = (point_flip(s, index, order), energies.len() as u32);
+        let shift = lattice_shift(s, index, order, Lattice::Base);
+        let mean = energies.iter().sum::<f32>() / m as f32;
+        let sample = |slot: u32, energy: f32, towards: Vec3| {
+            let point = point_of_sample(slot, flip);
+            let light = energy * cell.scattering(scene, point);
+            ScatterSample { light: light.into(), travel: (-towards).into(), point }
+        };
+        if s.g == 0.0 {
+            (0..CELL_POINTS).map(|slot| sample(slot, mean / CELL_POINTS as f32, Vec3::ZERO)).collect()
+        } else {
+            let of = |slot: u32| sample(slot, energies[slot as usize] / m as f32, lattice_direction(slot, m, shift));
+            (0..m).map(of).collect()
+        }
+    };
+    cells.iter().zip(energies).map(of_cell).collect()
 }
 
 /// What is gathered, as [`Gathered`](crate::passes::gather::Gathered) says.
@@ -157,10 +218,10 @@ pub fn gather_trace(
     let s = &scene.params;
     let of_cell = |(&index, choices): (&u32, &Vec<Choice>)| {
         let cell = Cell::from_linear(s, index);
-        let shift = lattice_shift(s, index, order);
-        let flip = random_float(stream_key(index, order, s.seed_low, s.seed_high), 3) * CELL_POINTS as f32;
+        let shift = lattice_shift(s, index, order, Lattice::Traced);
+        let flip = point_flip(s, index, order);
         let of_choice = |(slot, choice): (usize, &Choice)| {
-            let point = point_of_sample(slot as u32, flip as u32);
+            let point = point_of_sample(slot as u32, flip);
             let towards = match carried {
                 Carried::Light(_, light) if light.is_point == 0 => {
                     -sample_hg(s.g, light.vector.into(), lattice_point(choice.candidate, lattice, shift))
@@ -169,7 +230,7 @@ pub fn gather_trace(
             };
             let ray = make_ray(s, cell.position(point), towards, step_voxels);
             let radiance = traced_radiance(s, carried, ray, towards);
-            let light = radiance * cell.scattering(scene, point) * choice.weight;
+            let light = (radiance - choice.less) * cell.scattering(scene, point) * choice.weight;
             ScatterSample { light: light.into(), travel: (-towards).into(), point }
         };
         choices.iter().enumerate().map(of_choice).collect()

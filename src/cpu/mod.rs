@@ -17,6 +17,7 @@ pub mod march;
 pub mod mips;
 pub mod path;
 pub mod phong;
+pub mod pilot;
 pub mod project;
 pub mod proxy;
 pub mod radix_sort;

@@ -4,7 +4,6 @@ use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::passes::gather::GatherConfig;
 use crate::scene::{Environment, Sampling, Scene, Settings};
 
 /// A knob, named as its flag.
@@ -73,9 +72,9 @@ impl Knob {
                 Some(Environment::Constant(_)) => scene.settings.orders == 1,
                 Some(Environment::LatLong(_)) => true,
             },
-            Knob::Candidates | Knob::ProxyStep | Knob::Defence | Knob::Mask => {
-                GatherConfig::of(&scene.settings).uses_proxy()
-            }
+            Knob::Candidates => !matches!(scene.settings.sampling, Sampling::Phase | Sampling::Auto),
+            Knob::Defence => scene.settings.sampling == Sampling::Resample,
+            Knob::ProxyStep | Knob::Mask => scene.settings.sampling.uses_proxy(),
             _ => true,
         }
     }

@@ -226,6 +226,11 @@ impl List {
         self.segments.iter().map(|s| u64::from(s.items)).sum()
     }
 
+    /// List, header and number of items of the segment that has most of them.
+    pub(super) fn longest_segment(&self) -> Option<(&Buffer<u32>, &Buffer<u32>, u32)> {
+        self.segments.iter().max_by_key(|s| s.items).map(|s| (&s.list, &s.header, s.items))
+    }
+
     /// Linear indices of the items, for tests.
     pub fn read_back(&self, ctx: &Context) -> Result<Vec<u32>> {
         let mut all = Vec::new();

@@ -1,5 +1,6 @@
 //! The gather of one scattering order (DESIGN section 2): candidates estimated in the proxy (`gather_proxy.comp`), some
-//! of them chosen (`gather_select.comp`), those traced in the data (`gather_trace.comp`).
+//! of them chosen (`gather_select.comp`), those traced in the data (`gather_trace.comp`). For `residual` nothing is chosen:
+//! what the proxy says is taken as it is (`gather_base.comp`), and traced rays bring what it is off by.
 
 use super::compact::{Chunk, ChunkArgs, List};
 use super::project::{Scattering, Source};
@@ -7,7 +8,7 @@ use super::proxy::Proxy;
 use super::scene_data::SceneData;
 use super::{LIST_WORKGROUP, order_compute, rays_per_invocation, share_of};
 use crate::Result;
-use crate::abi::{GatherProxyPush, GatherSelectPush, GatherTracePush};
+use crate::abi::{GatherBasePush, GatherProxyPush, GatherSelectPush, GatherTracePush};
 use crate::scene::{Sampling, Settings};
 use crate::shaders::{self, constants};
 use crate::vk::{Buffer, Context, Filter, Pipeline, Recorder};
@@ -24,7 +25,7 @@ pub enum Gathered {
 }
 
 /// How one gather chooses its directions.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GatherConfig {
     /// Choice of directions.
     pub sampling: Sampling,
@@ -41,10 +42,13 @@ pub struct GatherConfig {
 }
 
 impl GatherConfig {
-    /// The settings' choice.
+    /// The settings' choice; `auto` starts as `phase`.
     pub fn of(settings: &Settings) -> Self {
         Self {
-            sampling: settings.sampling,
+            sampling: match settings.sampling {
+                Sampling::Auto => Sampling::Phase,
+                sampling => sampling,
+            },
             candidates: settings.candidates,
             directions: settings.directions,
             defence: settings.defence,
@@ -53,39 +57,44 @@ impl GatherConfig {
         }
     }
 
-    /// Does it estimate candidates in the proxy?
-    pub fn uses_proxy(&self) -> bool {
-        self.sampling != Sampling::Phase
+    /// Directions of a cell that are followed in the proxy, of M candidates and N traced ones.
+    fn estimates(&self, [candidates, directions]: [u32; 2]) -> u32 {
+        match self.sampling {
+            Sampling::Phase => 0,
+            Sampling::Top | Sampling::Resample => candidates,
+            Sampling::Residual => candidates + directions,
+            Sampling::Auto => unreachable!("{UNDECIDED}"),
+        }
     }
 
     /// Largest number of list items per chunk that keeps the chunk's lists within `bytes`.
     pub fn max_chunk(&self, bytes: u64) -> u32 {
-        if self.uses_proxy() {
-            let per_item = 4 * u64::from(self.candidates).max(2 * u64::from(self.directions));
-            (bytes / per_item).min(1 << 30) as u32
-        } else {
-            1 << 30
-        }
+        let choices = if self.sampling.is_choice() { 2 * self.directions } else { 0 };
+        let words = self.estimates([self.candidates, self.directions]).max(choices);
+        (bytes / (4 * u64::from(words)).max(1)).min(1 << 30) as u32
     }
 }
+
+const UNDECIDED: &str = "GatherConfig::of decides what `auto` starts as";
 
 /// The pass.
 pub struct Gather {
     config: GatherConfig,
-    /// `gather_proxy.comp` and `gather_select.comp`, where the sampling has candidates.
-    candidates: Option<[Pipeline; 2]>,
+    /// `gather_proxy.comp`, and `gather_select.comp` or `gather_base.comp`, where the sampling uses the proxy.
+    estimate: Option<[Pipeline; 2]>,
     trace: Pipeline,
     weights: Buffer<f32>,
     chosen: Buffer<[u32; 2]>,
-    /// Candidates of one invocation of `gather_proxy.comp`.
+    /// Directions of one invocation of `gather_proxy.comp`.
     block: u32,
+    is_anisotropic: bool,
 }
 
 /// Arguments of the three kernels' dispatches over one list.
 pub struct GatherArgs {
     /// M and N for its cells.
     counts: [u32; 2],
-    candidates: Option<[ChunkArgs; 2]>,
+    estimate: Option<[ChunkArgs; 2]>,
     trace: ChunkArgs,
 }
 
@@ -111,37 +120,45 @@ impl Gather {
             Sampling::Phase => constants::SAMPLING_PHASE,
             Sampling::Top => constants::SAMPLING_TOP,
             Sampling::Resample => constants::SAMPLING_RESAMPLE,
+            Sampling::Residual => constants::SAMPLING_RESIDUAL,
+            Sampling::Auto => unreachable!("{UNDECIDED}"),
         };
-        let items = if config.uses_proxy() { chunk_items as usize } else { 1 };
+        let is_anisotropic = is_projected && scene.params.g != 0.0;
         let workgroup = ("WORKGROUP", LIST_WORKGROUP);
+        let anisotropic = ("ANISOTROPIC", is_anisotropic.into());
         let trace = [
             workgroup,
-            ("ANISOTROPIC", (is_projected && scene.params.g != 0.0).into()),
+            anisotropic,
             ("SOURCE", source),
             ("SKY", has_sky.into()),
             ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("SAMPLING", sampling),
         ];
-        let candidates = if config.uses_proxy() {
-            let select = [workgroup, ("SAMPLING", sampling)];
-            Some([
-                Pipeline::new(ctx, &shaders::GATHER_PROXY, &[workgroup, ("SKY", has_sky.into())])?,
-                Pipeline::new(ctx, &shaders::GATHER_SELECT, &select)?,
-            ])
+        let estimate = if config.sampling.uses_proxy() {
+            let proxy = [workgroup, ("SKY", has_sky.into()), ("SAMPLING", sampling)];
+            let second = match config.sampling {
+                Sampling::Residual => Pipeline::new(ctx, &shaders::GATHER_BASE, &[workgroup, anisotropic])?,
+                _ => Pipeline::new(ctx, &shaders::GATHER_SELECT, &[workgroup, ("SAMPLING", sampling)])?,
+            };
+            Some([Pipeline::new(ctx, &shaders::GATHER_PROXY, &proxy)?, second])
         } else {
             None
         };
+        let estimates = config.estimates([config.candidates, config.directions]);
+        let of_chunk = |is_used: bool, each: u32| if is_used { chunk_items as usize * each as usize } else { 1 };
         Ok(Self {
-            candidates,
+            estimate,
             trace: Pipeline::new(ctx, &shaders::GATHER_TRACE, &trace)?,
-            weights: ctx.device_buffer("gather.weights", items * config.candidates as usize)?,
-            chosen: ctx.device_buffer("gather.chosen", items * config.directions as usize)?,
-            block: rays_per_invocation(scene.params.dims, config.proxy_step).min(config.candidates),
+            weights: ctx.device_buffer("gather.weights", of_chunk(estimates > 0, estimates))?,
+            chosen: ctx.device_buffer("gather.chosen", of_chunk(config.sampling.is_choice(), config.directions))?,
+            block: rays_per_invocation(scene.params.dims, config.proxy_step).min(estimates.max(1)),
+            is_anisotropic,
             config,
         })
     }
 
-    /// Energies that the candidates of the latest chunk were given, `[candidate][item]`, for tests.
+    /// Energies that the directions of the latest chunk have in the proxy, `[direction][item]` as in `gather_proxy.comp`, for
+    /// tests.
     pub fn weights(&self) -> &Buffer<f32> {
         &self.weights
     }
@@ -163,21 +180,21 @@ impl Gather {
 
     /// Rough cost per cell in traced rays: a proxy ray costs a part of one.
     pub fn rays(&self, share: f32) -> f64 {
-        let [candidates, directions] = self.counts(share).map(f64::from);
-        directions + if self.candidates.is_some() { 0.3 * candidates } else { 0.0 }
+        let counts = self.counts(share);
+        f64::from(counts[1]) + 0.3 * f64::from(self.config.estimates(counts))
     }
 
     /// Arguments for all chunks of a list whose cells get the given share of directions; see [`List::chunk_args`].
     pub fn args(&self, ctx: &Context, rec: &mut Recorder, list: &List, share: f32) -> Result<GatherArgs> {
-        let counts @ [most, _] = self.counts(share);
-        let ranks = if self.config.sampling == Sampling::Top { most } else { 1 };
-        let candidates = if self.candidates.is_some() {
-            let blocks = most.div_ceil(self.block);
+        let counts = self.counts(share);
+        let ranks = if self.config.sampling == Sampling::Top { counts[0] } else { 1 };
+        let estimate = if self.estimate.is_some() {
+            let blocks = self.config.estimates(counts).div_ceil(self.block);
             Some([list.chunk_args(ctx, rec, blocks)?, list.chunk_args(ctx, rec, ranks)?])
         } else {
             None
         };
-        Ok(GatherArgs { counts, candidates, trace: list.chunk_args(ctx, rec, 1)? })
+        Ok(GatherArgs { counts, estimate, trace: list.chunk_args(ctx, rec, 1)? })
     }
 
     /// Gathers a chunk of cells: samples the light of `source`, scattered once more, and deposits it. `stream` keeps the
@@ -203,14 +220,15 @@ impl Gather {
         let (scene, emptiness) = (scattering.scene, scattering.emptiness);
         let (chunk_begin, chunk_items, order) = (chunk.begin, chunk.items, stream);
         order_compute(rec);
-        if let Some([estimate, select]) = &self.candidates {
-            let (proxy, [estimate_args, select_args]) = proxy.zip(args.candidates.as_ref()).expect("a built proxy");
+        if let Some([estimate, second]) = &self.estimate {
+            let (proxy, [estimate_args, second_args]) = proxy.zip(args.estimate.as_ref()).expect("a built proxy");
             rec.begin_pass("gather.proxy", stream);
             let push = GatherProxyPush {
                 chunk_begin,
                 chunk_items,
                 order,
                 candidates,
+                directions,
                 block: self.block,
                 step_voxels: c.proxy_step,
             };
@@ -224,15 +242,44 @@ impl Gather {
             chunk.dispatch(rec, estimate, &binds, &push, estimate_args);
             rec.end_pass();
             order_compute(rec);
-            rec.begin_pass("gather.select", stream);
-            let push = GatherSelectPush { chunk_begin, chunk_items, order, candidates, directions, defence: c.defence };
-            let binds =
-                [("scene_block", scene.block.bind()), ("weights", self.weights.bind()), ("chosen", self.chosen.bind())];
-            chunk.dispatch(rec, select, &binds, &push, select_args);
+            if c.sampling == Sampling::Residual {
+                rec.begin_pass("gather.base", stream);
+                // Without anisotropy every point gets the mean over all directions.
+                let samples = if self.is_anisotropic { candidates } else { constants::CELL_POINTS };
+                scattering.record_blocks(rec, chunk, samples, c.step, is_seen, |rec, slots| {
+                    let push = GatherBasePush {
+                        chunk_begin,
+                        chunk_items,
+                        order,
+                        candidates,
+                        directions,
+                        slot_begin: slots.start,
+                        slot_end: slots.end,
+                    };
+                    let binds = [
+                        ("scene_block", scene.block.bind()),
+                        ("transfer_block", scene.transfer.bind()),
+                        ("scalar", scene.scalar.sampled(Filter::Nearest)),
+                        ("weights", self.weights.bind()),
+                        ("samples", scattering.projection.samples().bind()),
+                    ];
+                    chunk.dispatch(rec, second, &binds, &push, second_args);
+                });
+            } else {
+                rec.begin_pass("gather.select", stream);
+                let push =
+                    GatherSelectPush { chunk_begin, chunk_items, order, candidates, directions, defence: c.defence };
+                let binds = [
+                    ("scene_block", scene.block.bind()),
+                    ("weights", self.weights.bind()),
+                    ("chosen", self.chosen.bind()),
+                ];
+                chunk.dispatch(rec, second, &binds, &push, second_args);
+            }
             rec.end_pass();
         }
         rec.begin_pass("gather.trace", stream);
-        let lattice = if c.uses_proxy() { candidates } else { directions };
+        let lattice = if c.sampling.is_choice() { candidates } else { directions };
         scattering.record_blocks(rec, chunk, directions, c.step, is_seen, |rec, slots| {
             let push = GatherTracePush {
                 chunk_begin,
@@ -256,6 +303,7 @@ impl Gather {
                 ("source_y", source.b[1].sampled(Filter::Linear)),
                 ("source_z", source.b[2].sampled(Filter::Linear)),
                 ("chosen", self.chosen.bind()),
+                ("weights", self.weights.bind()),
                 ("samples", scattering.projection.samples().bind()),
             ];
             chunk.dispatch(rec, &self.trace, &binds, &push, &args.trace);

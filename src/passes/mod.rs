@@ -15,6 +15,7 @@ pub mod mips;
 pub mod path;
 pub mod phase_probe;
 pub mod phong;
+pub mod pilot;
 pub mod project;
 pub mod proxy;
 pub mod radix_sort;

@@ -1,8 +1,10 @@
 //! Renders a scene: makes the passes, records every iteration, and keeps the device busy with bounded submissions.
 
+pub mod auto;
 pub mod path;
 pub mod state;
 
+use self::auto::Costs;
 use crate::output::Picture;
 use crate::passes::camera::{Camera, Content};
 use crate::passes::classify::{Classify, Emitted};
@@ -11,19 +13,20 @@ use crate::passes::emptiness::Emptiness;
 use crate::passes::gather::{Gather, GatherArgs, GatherConfig, Gathered};
 use crate::passes::mips::Mips;
 use crate::passes::phong::Phong;
+use crate::passes::pilot::Pilot;
 use crate::passes::project::{Kept, Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
 use crate::passes::scene_data::SceneData;
 use crate::passes::see::{self, See};
 use crate::passes::share_of;
 use crate::passes::single_scatter::SingleScatter;
-use crate::scene::{self, LightFor, Model, Scene};
+use crate::scene::{self, LightFor, Model, Sampling, Scene};
 use crate::shaders::constants;
-use crate::stats::{PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
+use crate::stats::{AutoStats, PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
 use crate::vk::{Access, Buffer, Context, Image, ImageFormat, Recorder, Submission, TimedPass};
 use crate::{Error, Result};
 use std::collections::VecDeque;
-use std::ops::{ControlFlow, Range};
+use std::ops::{ControlFlow, Range, RangeInclusive};
 use std::time::Instant;
 
 /// How far a render is.
@@ -48,6 +51,8 @@ pub struct Internals {
     pub proxy_capacity: Option<u32>,
     /// Voxels of a segment of the active list.
     pub segment_voxels: Option<u32>,
+    /// What `auto` decides by, instead of the device's own costs.
+    pub costs: Option<Costs>,
 }
 
 /// Renders `scene`. `progress` is called now and then; `Break` stops the render.
@@ -103,6 +108,8 @@ pub struct Renderer<'a> {
     total: Source,
     picture: Image,
     proxy_log: Buffer<u32>,
+    /// Of the latest light, with the sampling `auto`.
+    decision: Option<AutoStats>,
     times: Vec<TimedPass>,
 }
 
@@ -126,8 +133,9 @@ struct Cells<'a> {
 /// What scattering needs; the local models do without.
 struct Scatter {
     single: SingleScatter,
-    /// The gather of scattered light.
+    /// The gather of scattered light; with `auto` that by `phase`.
     gather: Option<Gather>,
+    auto: Option<Auto>,
     /// The gather of emitted light, and its classification.
     emission: Option<(Gather, Classify)>,
     /// The proxy, and the means over voxels that it is made of: values at voxel centres miss what lies between them.
@@ -142,6 +150,15 @@ struct Scatter {
     fixed: Option<Source>,
     /// For g ≠ 0: the gather of order 1 of delta lights, and that order of the first lights; the others go by moments.
     lights: Option<(Gather, Vec<Image>)>,
+}
+
+/// What the sampling `auto` decides by.
+struct Auto {
+    pilot: Pilot,
+    costs: Costs,
+    wanted: GatherConfig,
+    /// Cells of a chunk, for the gather that may be decided on.
+    chunk: u32,
 }
 
 /// Delta lights whose order 1 is kept apart where g ≠ 0: each takes an image, and a gather of its own.
@@ -170,7 +187,9 @@ impl<'a> Renderer<'a> {
             Model::Path => unreachable!("PathRender renders it"),
         };
         let gather_config = GatherConfig::of(s);
-        let chunk = chunk_items(ctx, (orders > 1).then_some(&gather_config));
+        let is_auto = s.sampling == Sampling::Auto;
+        let largest = if is_auto { auto::largest(&gather_config) } else { gather_config };
+        let chunk = chunk_items(ctx, (orders > 1).then_some(&largest));
         let segment = internals.segment_voxels;
         let emits = orders > 0 && data.has_emission;
         // What the camera sees of delta lights by single scattering is stored nowhere.
@@ -190,7 +209,7 @@ impl<'a> Renderer<'a> {
         let lists = listed.iter().map(shared).collect::<Result<_>>()?;
         let scatter = if stores_light {
             let has_next = orders > 1;
-            let with_proxy = has_next && gather_config.uses_proxy();
+            let with_proxy = has_next && s.sampling.uses_proxy();
             let separate =
                 if has_next && data.params.g != 0.0 { data.light_count.min(MOST_SEPARATE_LIGHTS) } else { 0 };
             let is_sampled = data.environment == constants::ENVIRONMENT_IMAGE;
@@ -206,6 +225,14 @@ impl<'a> Renderer<'a> {
                 single: SingleScatter::new(ctx, &data, s.gather_step)?,
                 gather: if has_next {
                     Some(Gather::new(ctx, &data, gather_config, chunk, Gathered::Projected)?)
+                } else {
+                    None
+                },
+                auto: if has_next && is_auto {
+                    let steps = [gather_config.step, gather_config.proxy_step];
+                    let pilot = Pilot::new(ctx, &data, gather_config.directions, steps)?;
+                    let costs = internals.costs.map_or_else(|| Costs::of(ctx), Ok)?;
+                    Some(Auto { pilot, costs, wanted: gather_config, chunk })
                 } else {
                     None
                 },
@@ -266,6 +293,7 @@ impl<'a> Renderer<'a> {
             picture: Camera::picture(ctx, s.size)?,
             proxy_log: ctx.device_buffer("proxy.log", (constants::PROXY_WORDS * orders.max(1)) as usize)?,
             data,
+            decision: None,
             times: Vec::new(),
         })
     }
@@ -321,10 +349,10 @@ impl<'a> Renderer<'a> {
             rec.end_pass();
             queue.submit(rec, 0.0, "shading")?;
         }
-        match &self.scatter {
-            Some(scatter) => self.scatter(scatter, queue),
-            None => Ok(()),
+        if let Some(scatter) = &self.scatter {
+            self.decision = self.scatter(scatter, queue)?;
         }
+        Ok(())
     }
 
     /// Classification, empty-space structure, lists.
@@ -445,7 +473,9 @@ impl<'a> Renderer<'a> {
 
     /// Light of all orders. With K the gather and D, what single scattering brings, the orders up to n are
     /// sₙ = D + K sₙ₋₁. So only the last gather needs many directions: the noise of those before is averaged by it.
-    fn scatter(&self, scatter: &Scatter, queue: &mut Queue<'_>) -> Result<()> {
+    ///
+    /// Returns what `auto` decided on, if it was asked.
+    fn scatter(&self, scatter: &Scatter, queue: &mut Queue<'_>) -> Result<Option<AutoStats>> {
         let (ctx, data) = (self.ctx, &self.data);
         let mut rec = Recorder::new(ctx)?;
         let node_args = scatter.nodes.chunk_args(ctx, &mut rec, 1)?;
@@ -528,7 +558,10 @@ impl<'a> Renderer<'a> {
         if is_seen && !scatter.projection.has_eye() {
             solve(queue, 1, &scatter.source, None, true)?;
         }
+        let mut decision = None;
         if let Some(gather) = &scatter.gather {
+            // What `auto` decided on instead of `gather`, with arguments for every group.
+            let mut decided: Option<(Gather, Vec<[GatherArgs; 2]>)> = None;
             // Light of the orders before; `None`: there is none.
             let mut source = None;
             if let Some(fixed) = &scatter.fixed {
@@ -543,7 +576,9 @@ impl<'a> Renderer<'a> {
             }
             for order in 2..=self.orders {
                 let mut rec = Recorder::new(ctx)?;
-                if let Some((proxy, mips)) = &scatter.proxy {
+                let pilots = scatter.auto.as_ref().filter(|_| decision.is_none()).zip(source);
+                let needs_proxy = scatter.auto.is_none() || pilots.is_some() || decided.is_some();
+                if let Some((proxy, mips)) = scatter.proxy.as_ref().filter(|_| needs_proxy) {
                     rec.begin_pass("proxy.means", order);
                     mips.record(&mut rec, &source.unwrap_or(&scatter.source).a);
                     rec.end_pass();
@@ -554,15 +589,38 @@ impl<'a> Renderer<'a> {
                 }
                 scatter.projection.record_clear(&mut rec);
                 queue.submit(rec, 0.0, "multiple scattering")?;
+                if let Some((auto, source)) = pilots {
+                    let found = self.decide(auto, queue, source, order)?;
+                    if let Some(stats) = &found
+                        && stats.sampling == Sampling::Residual
+                    {
+                        let gather =
+                            Gather::new(ctx, data, stats.config(&auto.wanted), auto.chunk, Gathered::Projected)?;
+                        let mut rec = Recorder::new(ctx)?;
+                        let mut args = Vec::new();
+                        for cells in &groups {
+                            let mut of =
+                                |is_last| gather.args(ctx, &mut rec, cells.list, self.share_in(cells.share, is_last));
+                            args.push([of(false)?, of(true)?]);
+                        }
+                        queue.submit(rec, 0.0, "multiple scattering")?;
+                        decided = Some((gather, args));
+                    }
+                    decision = found;
+                }
                 let is_last = order == self.orders;
-                for cells in &groups {
+                for (group, cells) in groups.iter().enumerate() {
                     let scattering = self.scattering(scatter, cells, scatter.projection.kept(!is_last));
                     let share = self.share_in(cells.share, is_last);
                     if let Some((gather, images)) = &scatter.lights {
                         self.gather_lights(cells, queue, gather, images, &scattering, order)?;
                     }
                     let Some(source) = source else { continue };
-                    let args = &cells.gather.as_ref().expect("arguments of the gather")[usize::from(is_last)];
+                    let (gather, args) = match &decided {
+                        Some((gather, args)) => (gather, &args[group]),
+                        None => (gather, cells.gather.as_ref().expect("arguments of the gather")),
+                    };
+                    let args = &args[usize::from(is_last)];
                     self.for_chunks(cells.list, queue, "multiple scattering", gather.rays(share), |rec, chunk| {
                         let proxy = self.proxy();
                         gather.record(rec, &scattering, chunk, args, proxy, source, order, 0, is_last);
@@ -584,7 +642,33 @@ impl<'a> Renderer<'a> {
             rec.end_pass();
             queue.submit(rec, 0.0, "scattering")?;
         }
-        Ok(())
+        Ok(decision)
+    }
+
+    /// Lets a pilot decide how the gathers from `order` on draw their directions; `source` and its proxy are there. Waits for
+    /// the device, once per light. `None`: there are no cells.
+    fn decide(&self, auto: &Auto, queue: &mut Queue<'_>, source: &Source, order: u32) -> Result<Option<AutoStats>> {
+        // What the eye sees, as long as it sees something.
+        let Some(list) = self.lists.iter().map(|l| &l.list).find(|list| Pilot::cells(list) > 0) else {
+            return Ok(None);
+        };
+        let mut rec = Recorder::new(self.ctx)?;
+        rec.begin_pass("pilot", order);
+        let proxy = self.proxy().expect("`auto` has a proxy");
+        auto.pilot.record(&mut rec, &self.data, &self.emptiness.image, list, proxy, source);
+        rec.end_pass();
+        queue.submit(rec, 0.0, "multiple scattering")?;
+        let found = auto::Found::of(&auto.pilot.samples(self.ctx, list)?, auto.pilot.directions());
+        let later = f64::from(self.orders - order);
+        let mut work = auto::Work { shares: 0.0, cells: 0.0, voxels: later * self.data.voxels() as f64 };
+        for Shared { list, share } in &self.lists {
+            let cells = list.items() as f64;
+            let shares = later * f64::from(self.share_in(*share, false)) + f64::from(*share);
+            work.shares += cells * shares;
+            work.cells += cells * (later + 1.0);
+        }
+        let stats = auto::decide(&found, &auto.costs, &work, &auto.wanted);
+        Ok(Some(AutoStats { iteration: order, cells: Pilot::cells(list), ..stats }))
     }
 
     /// What scatters light in `cells`.
@@ -701,7 +785,7 @@ impl<'a> Renderer<'a> {
         let mut proxies = Vec::new();
         if let Some(proxy) = self.proxy() {
             let log = self.ctx.read_back(&self.proxy_log)?;
-            for order in 2..=self.orders {
+            for order in self.orders_with_proxy() {
                 let at = (constants::PROXY_WORDS * (order - 1)) as usize;
                 let counts = Proxy::counts(&log[at..at + constants::PROXY_WORDS as usize]);
                 let is_build = |p: &&PassStats| p.iteration == order && p.name.starts_with("proxy.");
@@ -718,7 +802,18 @@ impl<'a> Renderer<'a> {
             }
         }
         let volume = VolumeStats::of(&scene.volume, self.active_fraction());
-        Ok(Stats::new(self.ctx, scene, volume, passes, proxies, wall_ms))
+        let stats = Stats::new(self.ctx, scene, volume, passes, proxies, wall_ms);
+        Ok(Stats { auto: self.decision.clone(), ..stats })
+    }
+
+    /// The orders whose gathers had a proxy: with `auto` the pilot's, and those after it where it decided so.
+    fn orders_with_proxy(&self) -> RangeInclusive<u32> {
+        match (self.scatter.as_ref().and_then(|s| s.auto.as_ref()), &self.decision) {
+            (None, _) => 2..=self.orders,
+            (Some(_), None) => RangeInclusive::new(1, 0),
+            (Some(_), Some(auto)) if auto.sampling == Sampling::Residual => auto.iteration..=self.orders,
+            (Some(_), Some(auto)) => auto.iteration..=auto.iteration,
+        }
     }
 
     fn active_fraction(&self) -> f64 {

@@ -49,6 +49,24 @@ pub enum Sampling {
     Top,
     /// N of M candidates drawn in proportion to the proxy energy. Unbiased.
     Resample,
+    /// Mean of the proxy energies of M directions, plus the mean of (traced − proxy) over N others. Unbiased: a two-level
+    /// Monte Carlo.
+    Residual,
+    /// `phase`, or `residual` with M and N of its own choice where that takes less time for as little noise as `phase` has
+    /// with N directions. A pilot of a few cells decides.
+    Auto,
+}
+
+impl Sampling {
+    /// Does it estimate light in the proxy, or may it?
+    pub fn uses_proxy(self) -> bool {
+        self != Sampling::Phase
+    }
+
+    /// Are the traced directions some of the candidates?
+    pub fn is_choice(self) -> bool {
+        matches!(self, Sampling::Top | Sampling::Resample)
+    }
 }
 
 /// Which eye light is computed for (`single`, `multiple`).
@@ -185,10 +203,10 @@ pub struct Settings {
     pub model: Model,
     /// Choice of traced directions.
     pub sampling: Sampling,
-    /// M: candidate directions per cell and order, estimated in the proxy. 1..=1024.
+    /// M: directions per cell and order that are estimated in the proxy. 1..=1024.
     pub candidates: u32,
-    /// N: directions per cell traced in the data, in the gather that the eye sees. 1..=1024; N ≤ M where the sampling uses
-    /// candidates.
+    /// N: directions per cell traced in the data, in the gather that the eye sees. 1..=1024; N ≤ M where the sampling chooses
+    /// them from the candidates.
     pub directions: u32,
     /// Share of N and M that the gathers before that one get, in (0, 1]: their noise reaches the eye only as means over
     /// several cells.

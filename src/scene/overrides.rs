@@ -54,13 +54,14 @@ pub struct Overrides {
     /// Defaults of the flags below, from fast to accurate; flags and scene fields go over them [default: normal]
     #[arg(long, value_name = "QUALITY", help_heading = "Method")]
     pub quality: Option<Quality>,
-    /// How the traced directions are chosen [default: phase]
+    /// How the gathered directions are chosen [default: phase]
     #[arg(long, value_name = "MODE", help_heading = "Method")]
     pub sampling: Option<Sampling>,
-    /// M: candidate directions per cell for top and resample, 1 to 1024 [default: 64]
+    /// M: directions per cell that top, resample and residual estimate in the proxy, 1 to 1024 [default: 64]
     #[arg(long, value_name = "M", help_heading = "Method")]
     pub candidates: Option<u32>,
-    /// N: traced directions per cell, 1 to 1024, at most M for top and resample [default: 48]
+    /// N: traced directions per cell, 1 to 1024, at most M for top and resample; auto: as little noise as phase has with so
+    /// many [default: 48]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub directions: Option<u32>,
     /// Share of the directions that gathers before the last one get, whose noise averages out, greater than 0, at most 1

@@ -5,9 +5,7 @@ use super::file::{CameraTable, RenderTable, TransferTable, ValueScale, VolumeTab
 use super::file::{EnvironmentTable, LightTable, MAX_SPP, OpacityConvention, RawEndian, SceneFile};
 use super::overrides::Overrides;
 use super::values::Rgb;
-use super::{
-    Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Sampling, Scene, Settings,
-};
+use super::{Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Scene, Settings};
 use super::{ToneCurve, TransferFunction, TransferPoint, UNLIMITED, presets};
 use crate::volume::{self, Grid, RawLayout, Volume};
 use crate::{Error, Result};
@@ -185,7 +183,7 @@ fn settings(table: &RenderTable, dims: [u32; 3], views: usize) -> Result<Setting
         seed: table.seed.unwrap_or(default.seed),
     };
     let (n, m) = (settings.directions, settings.candidates);
-    if settings.sampling != Sampling::Phase && n > m {
+    if settings.sampling.is_choice() && n > m {
         let problem = format!("{n} directions are more than the {m} candidates they are chosen from");
         let cure = format!("raise candidates (--candidates {n}), lower directions, or choose sampling phase");
         return Err(Error::input("scene: field 'render.directions'", problem, cure));

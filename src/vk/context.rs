@@ -679,6 +679,12 @@ impl Context {
         self.shared.cache_file.as_ref().is_some_and(CacheFile::is_found)
     }
 
+    /// Bytes of this device that are made once and then kept in the cache folder, under a name with this prefix. `None` where
+    /// there is no such folder or nothing can be kept there; then nothing is made.
+    pub fn kept(&self, prefix: &'static str, make: impl FnOnce() -> Result<Vec<u8>>) -> Result<Option<Vec<u8>>> {
+        self.shared.cache_file.as_ref().map_or(Ok(None), |file| file.kept(prefix, make))
+    }
+
     /// Largest number of bytes of device memory in use at one time so far.
     pub fn peak_bytes(&self) -> u64 {
         self.shared.bytes_peak.load(Ordering::Relaxed)

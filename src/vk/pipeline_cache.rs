@@ -1,13 +1,15 @@
-//! Compiled pipelines kept on disk: one file per device, driver and version of Tyndall.
+//! What is kept on disk: compiled pipelines, and what else is made once. One file per kind, device, driver and version of
+//! Tyndall.
 //!
-//! A file is the driver's data behind a header of our own, since drivers do not check theirs against damage. Whatever does
-//! not match is ignored and replaced; whatever the system refuses turns the cache off. Nothing of it is ever an error.
+//! A file is data behind a header of our own, since drivers do not check theirs against damage. Whatever does not match is
+//! ignored and replaced; whatever the system refuses turns the cache off. Nothing of it is ever an error.
 
 use ash::vk;
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
 
 /// First bytes of a file.
 const MAGIC: &[u8; 8] = b"TYNDPIPE";
@@ -15,10 +17,10 @@ const MAGIC: &[u8; 8] = b"TYNDPIPE";
 const HEADER_BYTES: usize = MAGIC.len() + 8 + 32;
 /// Most data of a file. What has grown beyond, from too many scenes, is thrown away whole.
 const MAX_BYTES: usize = 64 << 20;
-/// Most files of the folder: each driver and version leaves one.
+/// Most files of a kind in the folder: each driver and version leaves one.
 const MAX_FILES: usize = 8;
-/// How their names begin.
-const PREFIX: &str = "pipelines-";
+/// How the names of files of pipelines begin.
+const PIPELINES: &str = "pipelines-";
 
 /// The user's folder for compiled pipelines: `TYNDALL_CACHE_DIR` (empty: none), else `tyndall` in `XDG_CACHE_HOME` or in
 /// `~/.cache`. `None` where none of them names a place.
@@ -36,16 +38,18 @@ fn cache_dir(variable: impl Fn(&str) -> Option<PathBuf>, home: Option<PathBuf>) 
     Some(folder.join("tyndall"))
 }
 
-/// A file of compiled pipelines.
+/// A file of data of one kind.
 pub(super) struct CacheFile {
     path: PathBuf,
+    /// How the names of its kind begin.
+    prefix: &'static str,
     key: String,
     /// Hash of what is in the file, if that is sound.
     found: Option<[u8; 32]>,
 }
 
 impl CacheFile {
-    /// The file in `folder` for the device with these properties, and the driver's data if there are sound ones.
+    /// The file of pipelines in `folder` for the device with these properties, and the driver's data if there are sound ones.
     pub(super) fn open(folder: &Path, device: &vk::PhysicalDeviceProperties, driver: &str) -> (Self, Vec<u8>) {
         // The name says what a CPU's vectors are like; the version, which shaders there are.
         let name = device.device_name_as_c_str().unwrap_or_default().to_string_lossy();
@@ -57,18 +61,74 @@ impl CacheFile {
             device.driver_version,
             device.pipeline_cache_uuid,
         );
-        Self::of_key(folder, key)
+        Self::of_key(folder, PIPELINES, key)
     }
 
-    fn of_key(folder: &Path, key: String) -> (Self, Vec<u8>) {
+    fn of_key(folder: &Path, prefix: &'static str, key: String) -> (Self, Vec<u8>) {
         let short: String = Sha256::digest(&key).iter().take(8).map(|byte| format!("{byte:02x}")).collect();
-        let mut file = Self { path: folder.join(format!("{PREFIX}{short}")), key, found: None };
+        let mut file = Self { path: folder.join(format!("{prefix}{short}")), prefix, key, found: None };
         let data = file.read().unwrap_or_default();
         (file, data)
     }
 
+    /// What is kept for the same device under another prefix, made by `make` where there is nothing sound. Of several who make
+    /// it at once one wins, and the others get what that one made. `None` where nothing can be kept: then nothing is made.
+    pub(super) fn kept<E>(
+        &self,
+        prefix: &'static str,
+        make: impl FnOnce() -> Result<Vec<u8>, E>,
+    ) -> Result<Option<Vec<u8>>, E> {
+        let (mut file, data) = Self::of_key(self.folder(), prefix, self.key.clone());
+        if file.is_found() {
+            return Ok(Some(data));
+        }
+        let part = match file.new_part() {
+            Ok(part) => part,
+            Err(error) => {
+                log::debug!("{}: cannot be made: {error}", file.path.display());
+                return Ok(None);
+            }
+        };
+        let data = make()?;
+        Ok(file.settle(part, &data).unwrap_or_else(|error| {
+            log::debug!("{}: not written: {error}", file.path.display());
+            None
+        }))
+    }
+
+    /// Writes `data` by way of `part`, unless sound ones have come to be there meanwhile; returns what is there.
+    fn settle(&mut self, mut part: NamedTempFile, data: &[u8]) -> std::io::Result<Option<Vec<u8>>> {
+        part.write_all(&self.header(data))?;
+        part.write_all(data)?;
+        for _ in 0..2 {
+            part = match part.persist_noclobber(&self.path) {
+                Ok(_) => {
+                    remove_oldest(self.folder(), self.prefix)?;
+                    return Ok(Some(data.to_vec()));
+                }
+                Err(refused) => refused.file,
+            };
+            if let Some(found) = self.read() {
+                return Ok(Some(found));
+            }
+            // What is there is damaged. (Should another process mend it just now, the two go by data of their own this once.)
+            let _ = fs::remove_file(&self.path);
+        }
+        Ok(None)
+    }
+
+    fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new("."))
+    }
+
+    /// A file to be filled: under its name a file is whole, whoever else writes it. A power cut is what the hash is for.
+    fn new_part(&self) -> std::io::Result<NamedTempFile> {
+        fs::create_dir_all(self.folder())?;
+        tempfile::Builder::new().prefix(self.prefix).suffix(".part").tempfile_in(self.folder())
+    }
+
     fn hash(&self, data: &[u8]) -> [u8; 32] {
-        Sha256::new().chain_update(&self.key).chain_update(data).finalize().into()
+        Sha256::new().chain_update(self.prefix).chain_update(&self.key).chain_update(data).finalize().into()
     }
 
     fn read(&mut self) -> Option<Vec<u8>> {
@@ -113,20 +173,17 @@ impl CacheFile {
         if data.len() > MAX_BYTES {
             return fs::remove_file(&self.path);
         }
-        let folder = self.path.parent().unwrap_or(Path::new("."));
-        fs::create_dir_all(folder)?;
-        // Under its name the file is whole, whoever else writes it. A power cut is what the hash is for.
-        let mut file = tempfile::Builder::new().prefix(PREFIX).suffix(".part").tempfile_in(folder)?;
-        file.write_all(&self.header(data))?;
-        file.write_all(data)?;
-        file.persist(&self.path)?;
-        remove_oldest(folder)
+        let mut part = self.new_part()?;
+        part.write_all(&self.header(data))?;
+        part.write_all(data)?;
+        part.persist(&self.path)?;
+        remove_oldest(self.folder(), self.prefix)
     }
 }
 
-/// Removes what is more than `MAX_FILES` files, the oldest first.
-fn remove_oldest(folder: &Path) -> std::io::Result<()> {
-    let is_own = |entry: &fs::DirEntry| entry.file_name().to_string_lossy().starts_with(PREFIX);
+/// Removes what is more than `MAX_FILES` files of a kind, the oldest first.
+fn remove_oldest(folder: &Path, prefix: &str) -> std::io::Result<()> {
+    let is_own = |entry: &fs::DirEntry| entry.file_name().to_string_lossy().starts_with(prefix);
     let mut files = Vec::new();
     for entry in fs::read_dir(folder)?.filter_map(Result::ok).filter(is_own) {
         files.push((entry.metadata()?.modified()?, entry.path()));
@@ -141,7 +198,7 @@ mod tests {
     use super::*;
 
     fn open(folder: &Path, key: &str) -> (CacheFile, Vec<u8>) {
-        CacheFile::of_key(folder, key.into())
+        CacheFile::of_key(folder, PIPELINES, key.into())
     }
 
     fn only_file(folder: &Path) -> PathBuf {
@@ -245,6 +302,59 @@ mod tests {
         fs::write(&file, "").unwrap();
         open(&file, "a").0.write(DATA);
         assert_eq!(only_file(place.path()), file);
+    }
+
+    const COSTS: &str = "costs-";
+
+    fn kept(folder: &Path, make: &dyn Fn() -> Vec<u8>) -> Option<Vec<u8>> {
+        open(folder, "a").0.kept(COSTS, || Ok::<_, ()>(make())).unwrap()
+    }
+
+    #[test]
+    fn what_is_kept_is_made_once_and_made_anew_when_damaged() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("made/when/needed");
+        assert_eq!(kept(&folder, &|| b"first".to_vec()).unwrap(), b"first");
+        assert_eq!(kept(&folder, &|| panic!("made again")).unwrap(), b"first");
+        let path = only_file(&folder);
+        let sound = fs::read(&path).unwrap();
+        for bit in 0..8 * sound.len() {
+            let mut bytes = sound.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            fs::write(&path, bytes).unwrap();
+            assert_eq!(kept(&folder, &|| b"mended".to_vec()).unwrap(), b"mended", "bit {bit}");
+        }
+        assert_eq!(kept(&folder, &|| panic!("made again")).unwrap(), b"mended");
+        // A file of one kind is none of another, whatever its name.
+        let (pipelines, _) = open(&folder, "a");
+        fs::rename(&path, &pipelines.path).unwrap();
+        assert!(open(&folder, "a").1.is_empty());
+    }
+
+    #[test]
+    fn who_makes_the_same_at_once_gets_the_same() {
+        let place = tempfile::tempdir().unwrap();
+        for turn in 0..30 {
+            let folder = place.path().join(turn.to_string());
+            let all: Vec<_> = std::thread::scope(|scope| {
+                let start = |writer: u8| {
+                    let folder = &folder;
+                    scope.spawn(move || kept(folder, &|| vec![writer; 9]).unwrap())
+                };
+                (0..4).map(start).collect::<Vec<_>>().into_iter().map(|thread| thread.join().unwrap()).collect()
+            });
+            assert!(all.iter().all(|data| *data == all[0]), "{all:?}");
+            assert_eq!(kept(&folder, &|| panic!("made again")).unwrap(), all[0]);
+            only_file(&folder);
+        }
+    }
+
+    #[test]
+    fn nothing_is_made_where_nothing_can_be_kept() {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("file");
+        fs::write(&file, "").unwrap();
+        assert_eq!(kept(&file, &|| panic!("made for nothing")), None);
     }
 
     #[test]

@@ -1,0 +1,113 @@
+//! The pilot of the sampling `auto`: a few cells' gathers in the data and in the proxy (`glsl/pilot.comp`).
+
+use super::compact::List;
+use super::project::Source;
+use super::proxy::Proxy;
+use super::scene_data::SceneData;
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use crate::Result;
+use crate::abi::{PilotPush, PilotSample};
+use crate::shaders::{self, constants};
+use crate::vk::{Buffer, Context, Filter, Image, Pipeline, Recorder};
+
+/// Most cells.
+const MOST_CELLS: u64 = 4096;
+/// Fewest, where the list has them: with fewer a variance is too uncertain to decide by.
+const LEAST_CELLS: u64 = 256;
+/// Cells of the list that a cell of the pilot may stand for, between these: what it costs is a part of what it is about.
+const CELLS_EACH: u64 = 64;
+/// Most directions of a cell: their number matters because means over evenly spread directions get better faster than means
+/// over independent ones, and above this that is known well enough.
+const MOST_DIRECTIONS: u32 = 64;
+
+/// The pass.
+pub struct Pilot {
+    pipeline: Pipeline,
+    samples: Buffer<PilotSample>,
+    directions: u32,
+    steps: [f32; 2],
+}
+
+impl Pilot {
+    /// For gathers of `directions` directions, with steps in the data and in the proxy in voxels.
+    pub fn new(ctx: &Context, scene: &SceneData, directions: u32, steps: [f32; 2]) -> Result<Self> {
+        let specialization = [
+            ("WORKGROUP", LIST_WORKGROUP),
+            ("ANISOTROPIC", (scene.params.g != 0.0).into()),
+            ("SOURCE", constants::SOURCE_PROJECTED),
+            ("SKY", (scene.environment == constants::ENVIRONMENT_CONSTANT).into()),
+            ("POINT_LIGHTS", scene.has_point_lights.into()),
+        ];
+        // An invocation follows every direction twice.
+        let budget = rays_per_invocation(scene.params.dims, steps[0].min(steps[1])) / 2;
+        Ok(Self {
+            pipeline: Pipeline::new(ctx, &shaders::PILOT, &specialization)?,
+            samples: ctx.device_buffer("pilot", (MOST_CELLS as u32 * constants::PILOT_REPLICATES) as usize)?,
+            directions: directions.min(MOST_DIRECTIONS).min(budget).max(1),
+            steps,
+        })
+    }
+
+    /// Directions of a cell.
+    pub fn directions(&self) -> u32 {
+        self.directions
+    }
+
+    /// Cells of the list that are looked at: of its longest segment.
+    pub fn cells(list: &List) -> u32 {
+        let items = list.longest_segment().map_or(0, |(_, _, items)| u64::from(items));
+        (items / CELLS_EACH).clamp(LEAST_CELLS, MOST_CELLS).min(items) as u32
+    }
+
+    /// Gathers what `source` sends to cells of the list, some of which there must be. `proxy` must be built from `source`.
+    ///
+    /// Ordered after all compute accesses before; ends with [`Self::samples`] written by compute.
+    pub fn record(
+        &self,
+        rec: &mut Recorder,
+        scene: &SceneData,
+        emptiness: &Image,
+        list: &List,
+        proxy: &Proxy,
+        source: &Source,
+    ) {
+        let (items, header, _) = list.longest_segment().expect("a list has a segment");
+        let cells = Self::cells(list);
+        let push = PilotPush {
+            cells,
+            directions: self.directions,
+            step_voxels: self.steps[0],
+            proxy_step_voxels: self.steps[1],
+        };
+        let binds = [
+            ("list_items", items.bind()),
+            ("list_header", header.bind()),
+            ("scene_block", scene.block.bind()),
+            ("lights", scene.lights.bind()),
+            ("transfer_block", scene.transfer.bind()),
+            ("emptiness", emptiness.sampled(Filter::Nearest)),
+            ("scalar", scene.scalar.sampled(Filter::Nearest)),
+            ("source_a", source.a.sampled(Filter::Linear)),
+            ("source_x", source.b[0].sampled(Filter::Linear)),
+            ("source_y", source.b[1].sampled(Filter::Linear)),
+            ("source_z", source.b[2].sampled(Filter::Linear)),
+            ("bucket_id", proxy.bucket_id.sampled(Filter::Nearest)),
+            ("bucket_light", proxy.bucket_light.bind()),
+            ("pilots", self.samples.bind()),
+        ];
+        order_compute(rec);
+        rec.dispatch(&self.pipeline, &binds, &push, [cells.div_ceil(LIST_WORKGROUP), constants::PILOT_REPLICATES, 1]);
+    }
+
+    /// What the latest pilot found, `[replicate][cell]`. Waits for the device.
+    pub fn samples(
+        &self,
+        ctx: &Context,
+        list: &List,
+    ) -> Result<[Vec<PilotSample>; constants::PILOT_REPLICATES as usize]> {
+        let cells = Self::cells(list) as usize;
+        let mut all = ctx.read_back_range(&self.samples, 0..cells * constants::PILOT_REPLICATES as usize)?;
+        let second = all.split_off(cells);
+        Ok([all, second])
+    }
+}

@@ -1,0 +1,124 @@
+//! The pilot of the sampling `auto` against its CPU twin, and what it counts.
+
+#[path = "common/bodies.rs"]
+mod bodies;
+mod common;
+#[path = "common/data.rs"]
+mod data;
+
+use bodies::{Setup, image, random_light, scenes, texture};
+use common::gpu_test;
+use glam::{Vec2, Vec3};
+use half::f16;
+use tyndall::abi::PilotSample;
+use tyndall::cpu;
+use tyndall::cpu::gather::Carried;
+use tyndall::cpu::texture::Texture;
+use tyndall::passes::compact::Listed;
+use tyndall::passes::pilot::Pilot;
+use tyndall::passes::project::Source;
+use tyndall::passes::proxy::{Proxy, ProxyConfig};
+use tyndall::scene::{Environment, Scene};
+use tyndall::shaders::constants;
+use tyndall::vk::{Context, Recorder};
+
+const DIRECTIONS: u32 = 11;
+
+/// What the device finds in a scene full of random light, and what the twin does.
+struct Ran {
+    device: [Vec<PilotSample>; 2],
+    twin: [Vec<PilotSample>; 2],
+}
+
+fn pilot(ctx: &Context, scene: &Scene, steps: [f32; 2]) -> Ran {
+    let setup = Setup::new(ctx, scene);
+    let dims = setup.host.params.dims;
+    let field = texture(ctx, &setup.field);
+    let lit = |seed: u64, low: f32, high: f32| {
+        let light = random_light(dims, seed, low, high).texels;
+        let texels = light.iter().zip(&field.texels).map(|(l, f)| l.truncate().extend(f.w)).collect();
+        image(ctx, "source", &Texture::new(dims, texels))
+    };
+    let source = Source { a: lit(31, 0.0, 900.0), b: [32, 33, 34].map(|seed| lit(seed, -300.0, 300.0)) };
+    let config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
+    let proxy = Proxy::new(ctx, &setup.data, config).unwrap();
+    let pass = Pilot::new(ctx, &setup.data, DIRECTIONS, steps).unwrap();
+    let (list, cells) = setup.list(ctx, Listed::Cells);
+    let (nodes, _) = setup.list(ctx, Listed::Nodes);
+    if cells.is_empty() {
+        assert_eq!(Pilot::cells(&list), 0);
+        return Ran { device: [vec![], vec![]], twin: [vec![], vec![]] };
+    }
+    let mut rec = Recorder::new(ctx).unwrap();
+    let node_args = nodes.chunk_args(ctx, &mut rec, 1).unwrap();
+    proxy.record_clear(&mut rec);
+    proxy.record(&mut rec, &setup.data, &nodes, &node_args, &source.a, 2);
+    pass.record(&mut rec, &setup.data, &setup.emptiness.image, &list, &proxy, &source);
+    rec.submit_and_wait().unwrap();
+
+    let ids = proxy.read_back(ctx).unwrap().bucket_id;
+    let buckets: Vec<[f16; 2]> = ctx.read_back(proxy.bucket_light()).unwrap().into_iter().map(bytemuck::cast).collect();
+    let of = |&id: &u32| Vec2::from(buckets[id as usize].map(f32::from));
+    let light = Texture::new(dims, ids.iter().map(of).collect());
+    let images = [&source.a, &source.b[0], &source.b[1], &source.b[2]].map(|i| texture(ctx, i));
+    let params = &setup.host.params;
+    let is_constant = setup.data.environment == constants::ENVIRONMENT_CONSTANT;
+    let sky = if is_constant { Vec3::from(params.environment) * params.radiance_scale } else { Vec3::ZERO };
+    let drawn = cpu::pilot::pilot_cells(&setup.host, &cells, Pilot::cells(&list));
+    let twin = [0, 1].map(|replicate| {
+        let carried = Carried::Projected(&images, sky);
+        cpu::pilot::pilot(&setup.host, &drawn, carried, &light, sky, replicate, DIRECTIONS, steps)
+    });
+    Ran { device: pass.samples(ctx, &list).unwrap(), twin }
+}
+
+#[test]
+fn the_pilot_finds_what_the_twin_finds() {
+    gpu_test(|ctx| {
+        for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
+            scene.g = [0.0, 0.6][i % 2];
+            if i / 2 % 2 == 0 {
+                scene.environment = Some(Environment::Constant(Vec3::new(2.0, 1.0, 3.0)));
+            }
+            let ran = pilot(ctx, &scene, [0.8, 1.7]);
+            for (replicate, (got, expected)) in ran.device.iter().zip(&ran.twin).enumerate() {
+                assert_eq!(got.len(), expected.len(), "{name}");
+                for (what, value) in [
+                    ("traced", (|s| s.traced) as fn(&PilotSample) -> [f32; 3]),
+                    ("base", |s| s.base),
+                    ("residual", |s| s.residual),
+                ] {
+                    let values = |samples: &[PilotSample]| samples.iter().flat_map(value).collect::<Vec<f32>>();
+                    let (got, expected) = (values(got), values(expected));
+                    let most = expected.iter().fold(0.0f32, |most, v| most.max(v.abs()));
+                    assert!(got.is_empty() || most > 0.0, "{name}, {what}: nothing to compare");
+                    // Nearest reads on a face may fall to either side, and a ray may be cut one step earlier or later.
+                    let is_right = |(a, b): (&f32, &f32)| (a - b).abs() <= 2e-3 * b.abs() + 1e-3 * most;
+                    let right = got.iter().zip(&expected).filter(|&pair| is_right(pair)).count();
+                    let case = format!("{name}, replicate {replicate}, {what}");
+                    assert!(right * 20 >= got.len() * 19, "{case}: {right} of {} agree", got.len());
+                }
+            }
+            let [a, b] = &ran.device;
+            assert!(a.is_empty() || a != b, "{name}: the replicates are the same");
+        }
+    });
+}
+
+/// Cost is told by these: half the step takes twice as many, in the data alone.
+#[test]
+fn steps_are_counted() {
+    gpu_test(|ctx| {
+        let (name, scene) = scenes().swap_remove(0);
+        let counts = |steps| {
+            let [a, b] = pilot(ctx, &scene, steps).device;
+            let sum = |of: fn(&PilotSample) -> u32| a.iter().chain(&b).map(of).sum::<u32>();
+            let rays = (a.len() + b.len()) as f64 * f64::from(DIRECTIONS);
+            (f64::from(sum(|s| s.traced_steps)) / rays, f64::from(sum(|s| s.proxy_steps)) / rays)
+        };
+        let [coarse, fine] = [0.2, 0.1].map(|step| counts([step, 1.0]));
+        println!("{name}: steps per ray {coarse:?}, {fine:?}");
+        assert!(coarse.0 > 5.0 && coarse.1 > 1.0, "{coarse:?}");
+        assert!((1.7..2.1).contains(&(fine.0 / coarse.0)) && fine.1 == coarse.1, "{coarse:?}, {fine:?}");
+    });
+}
