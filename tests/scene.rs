@@ -430,7 +430,9 @@ fn what_does_not_fit_together_is_refused() {
     let resample = "render = { directions = 65, sampling = 'resample' }";
     bad(resample, &["render.directions", "65", "64 candidates", "--candidates 65"]);
     bad("render = { directions = 65, sampling = 'top' }", &["render.directions"]);
-    scene_of("render = { directions = 65, sampling = 'phase' }", &[]).unwrap();
+    for mode in ["phase", "residual", "auto"] {
+        scene_of(&format!("render = {{ directions = 65, sampling = '{mode}' }}"), &[]).unwrap();
+    }
     scene_of("render = { directions = 64, sampling = 'resample' }", &[]).unwrap();
     for (setting, part) in [
         ("orders = 'unlimited'", "only the model path"),
