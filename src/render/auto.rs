@@ -288,6 +288,9 @@ mod tests {
         assert_eq!((d.sampling, d.directions), (Sampling::Residual, 1), "{d:?}");
         let config = d.config(&WANTED);
         assert!(config.candidates <= largest(&WANTED).candidates && config.candidates >= 48, "{config:?}");
+        // One that is nearly right would take more than there may be.
+        let d = decided(Found { proxy_steps: 0.0, ..found(1.0, 0.01, 1000.0) });
+        assert_eq!(d.candidates, largest(&WANTED).candidates, "{d:?}");
         assert_eq!(largest(&GatherConfig { directions: 1024, ..WANTED }).candidates, 1024);
     }
 
