@@ -13,9 +13,9 @@ use crate::vk::{Buffer, Context, Filter, Image, Pipeline, Recorder};
 /// Most cells.
 const MOST_CELLS: u64 = 4096;
 /// Fewest, where the list has them: with fewer a variance is too uncertain to decide by.
-const LEAST_CELLS: u64 = 256;
+const LEAST_CELLS: u64 = 512;
 /// Cells of the list that a cell of the pilot may stand for, between these: what it costs is a part of what it is about.
-const CELLS_EACH: u64 = 64;
+const CELLS_EACH: u64 = 32;
 /// Most directions of a cell: their number matters because means over evenly spread directions get better faster than means
 /// over independent ones, and above this that is known well enough.
 const MOST_DIRECTIONS: u32 = 64;
