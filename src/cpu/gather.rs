@@ -74,7 +74,7 @@ pub(super) fn proxy_energy(
     energy + through * sky.element_sum() / 3.0
 }
 
-/// Energy of every direction of every listed cell, as [`proxy_energy`] estimates it. `lattices`: whose points are the directions, and
+/// Energy of every direction of every listed cell, as `proxy_energy` estimates it. `lattices`: whose points are the directions, and
 /// how many each has. `weights[cell in the list][direction]`.
 pub fn gather_proxy(
     scene: &SceneParams,
