@@ -117,7 +117,7 @@ fn bench_scenes_keeps_what_it_measured() {
     let table = &report["tables"][0];
     assert_eq!(table["dims"], serde_json::json!([8, 8, 3]));
     let rows = table["rows"].as_array().unwrap();
-    for sampling in ["phase", "top", "resample"] {
+    for sampling in ["phase", "top", "resample", "residual", "auto"] {
         let of: Vec<_> = rows.iter().filter(|r| r["sampling"] == sampling).collect();
         let directions: Vec<u64> = of.iter().map(|r| r["directions"].as_u64().unwrap()).collect();
         assert!(directions.is_sorted() && directions.len() >= 5, "{sampling}: {directions:?}");

@@ -66,7 +66,7 @@ pub struct Row {
     pub sampling: Sampling,
     /// N.
     pub directions: u32,
-    /// M; 0 where nothing is estimated in the proxy.
+    /// M; 0 where it is not set.
     pub candidates: u32,
     /// K.
     pub orders: u32,
@@ -128,14 +128,20 @@ fn with(base: &Settings, sampling: Sampling, [directions, candidates]: [u32; 2])
 }
 
 /// The ways that are compared with `phase`.
-const RIVALS: [Sampling; 2] = [Sampling::Top, Sampling::Resample];
+const RIVALS: [Sampling; 4] = [Sampling::Top, Sampling::Resample, Sampling::Residual, Sampling::Auto];
 
 /// The first is the sweep's base: `phase` with the paper's N.
 fn settings(base: &Settings) -> Vec<Settings> {
-    let phase = |n: u32| with(base, Sampling::Phase, [n, base.candidates]);
-    let mut all = vec![phase(PAPER[0])];
-    all.extend(TARGETS.into_iter().filter(|&n| n != PAPER[0]).map(phase));
-    all.extend(RIVALS.into_iter().flat_map(|s| SHAPES.map(|shape| with(base, s, shape))));
+    let counted = |s: Sampling, n: u32| with(base, s, [n, base.candidates]);
+    let mut all = vec![counted(Sampling::Phase, PAPER[0])];
+    all.extend(TARGETS.into_iter().filter(|&n| n != PAPER[0]).map(|n| counted(Sampling::Phase, n)));
+    for sampling in RIVALS {
+        // `auto` finds M by itself: N says how little noise is wanted.
+        match sampling {
+            Sampling::Auto => all.extend(TARGETS.map(|n| counted(sampling, n))),
+            _ => all.extend(SHAPES.map(|shape| with(base, sampling, shape))),
+        }
+    }
     all
 }
 
@@ -152,7 +158,7 @@ fn rows(sweep: &Sweep<'_>, clock: Clock) -> Vec<Row> {
         Row {
             sampling: s.sampling,
             directions: s.directions,
-            candidates: if s.sampling == Sampling::Phase { 0 } else { s.candidates },
+            candidates: if matches!(s.sampling, Sampling::Phase | Sampling::Auto) { 0 } else { s.candidates },
             orders: s.orders,
             ms: r.record.time(clock),
             error: e.error(),
