@@ -12,6 +12,7 @@
 #include "include/gather.glsl"
 #include "include/cell_scattering.glsl"
 #include "include/scatter_sample.glsl"
+#include "include/aim.glsl"
 
 layout(local_size_x_id = 0) in;
 // Samples are kept by direction; else only their mean is, and every point can have all directions: CELL_POINTS samples.
@@ -30,6 +31,8 @@ layout(push_constant, scalar) uniform GatherBasePush {
     // Samples of this dispatch.
     uint slot_begin;
     uint slot_end;
+    // As gather_trace.comp.
+    uint for_eye;
 };
 
 void main() {
@@ -44,6 +47,7 @@ void main() {
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = base_shift(key);
     uint flip = point_flip(key);
+    Aim aim = make_aim(cell, for_eye);
     float mean = 0.0;
     bool is_directed = ANISOTROPIC;
     if (!is_directed) {
@@ -56,8 +60,9 @@ void main() {
         float energy = mean / float(CELL_POINTS);
         vec3 towards = vec3(0.0);
         if (is_directed) {
-            energy = weights[(directions + slot) * chunk_items + item] / float(candidates);
-            towards = lattice_direction(slot, candidates, shift);
+            towards = aimed_direction(aim, slot, candidates, shift);
+            float weight = aimed_weight(aim, candidates, towards) / float(candidates);
+            energy = weights[(directions + slot) * chunk_items + item] * weight;
         }
         uint point = point_of_sample(slot, flip);
         vec3 light = energy * scattering_at(scattering, upper_weight(cell, point_place(cell, point)));

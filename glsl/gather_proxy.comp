@@ -6,8 +6,7 @@
 #define ESTIMATE_BINDING 5
 #define SCENE_COPIED
 #include "include/list.glsl"
-#include "include/cell.glsl"
-#include "include/sphere.glsl"
+#include "include/aim.glsl"
 #include "include/gather.glsl"
 
 layout(local_size_x_id = 0) in;
@@ -30,6 +29,8 @@ layout(push_constant, scalar) uniform GatherProxyPush {
     // Directions of one block.
     uint block;
     float step_voxels;
+    // As gather_trace.comp.
+    uint for_eye;
 };
 
 void main() {
@@ -43,6 +44,7 @@ void main() {
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = lattice_shift(key);
     vec2 other_shift = base_shift(key);
+    Aim aim = make_aim(cell, for_eye);
     uint begin = gl_WorkGroupID.y * block;
     uint end = min(begin + block, SAMPLING == SAMPLING_RESIDUAL ? directions + candidates : candidates);
     for (uint c = begin; c < end; c++) {
@@ -51,11 +53,16 @@ void main() {
             bool is_traced = c < directions;
             uint number = is_traced ? c : c - directions;
             towards =
-                lattice_direction(number, is_traced ? directions : candidates, is_traced ? shift : other_shift);
+                aimed_direction(aim, number, is_traced ? directions : candidates, is_traced ? shift : other_shift);
         } else {
-            towards = lattice_direction(c, candidates, shift);
+            towards = aimed_direction(aim, c, candidates, shift);
         }
         Ray ray = make_ray(position_of(cell, vec3(0.5)), towards, step_voxels);
-        weights[c * chunk_items + item] = estimated_energy(ray);
+        float energy = estimated_energy(ray);
+        if (SAMPLING != SAMPLING_RESIDUAL) {
+            // What the choice goes by: what the eye would get of it.
+            energy *= eye_density(aim, towards) * aimed_weight(aim, candidates, towards);
+        }
+        weights[c * chunk_items + item] = energy;
     }
 }

@@ -13,6 +13,7 @@
 #include "include/cell_scattering.glsl"
 #include "include/scatter_sample.glsl"
 #include "include/traced.glsl"
+#include "include/aim.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 4) const uint SAMPLING = SAMPLING_PHASE;
@@ -36,17 +37,19 @@ layout(push_constant, scalar) uniform GatherTracePush {
     float step_voxels;
     // The delta light, with SOURCE_LIGHT.
     uint light;
+    // 1: nobody but the eye will see it.
+    uint for_eye;
 };
 
 // Direction of sample `number` of `count`. Light of one direction is scattered by the phase function about it, so that is
-// how its directions are drawn, and the phase function itself cancels; all other light has even directions.
-vec3 sampled_direction(uint number, uint count, vec2 shift) {
+// how its directions are drawn, and the phase function itself cancels.
+vec3 sampled_direction(Aim aim, uint number, uint count, vec2 shift) {
     if (SOURCE == SOURCE_LIGHT) {
         if (!is_point_light(light)) {
             return -sample_hg(scene.g, lights[light].vector, lattice_point(number, count, shift));
         }
     }
-    return lattice_direction(number, count, shift);
+    return aimed_direction(aim, number, count, shift);
 }
 
 void main() {
@@ -61,6 +64,7 @@ void main() {
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = lattice_shift(key);
     uint flip = point_flip(key);
+    Aim aim = make_aim(cell, for_eye);
     bool is_top = SAMPLING == SAMPLING_TOP;
     bool is_resampled = SAMPLING == SAMPLING_RESAMPLE;
     bool is_choice = is_top || is_resampled;
@@ -75,7 +79,7 @@ void main() {
             candidate = choice.x;
             weight = uintBitsToFloat(choice.y);
         }
-        vec3 towards = sampled_direction(candidate, lattice, shift);
+        vec3 towards = sampled_direction(aim, candidate, lattice, shift);
         vec3 radiance = vec3(0.0);
         if (weight > 0.0) {
             Ray ray = make_ray(position_of(cell, place), towards, step_voxels);
@@ -83,7 +87,7 @@ void main() {
             if (SAMPLING == SAMPLING_RESIDUAL) {
                 radiance -= weights[slot * chunk_items + item];
             }
-            radiance *= scattering_at(scattering, upper_weight(cell, place)) * weight;
+            radiance *= scattering_at(scattering, upper_weight(cell, place)) * (weight * aimed_weight(aim, lattice, towards));
         }
         samples[(slot - slot_begin) * chunk_items + item] = ScatterSample(radiance, -towards, point);
     }

@@ -283,6 +283,8 @@ pub struct GatherProxyPush {
     pub directions: u32,
     pub block: u32,
     pub step_voxels: f32,
+    /// 1: nobody but the eye will see what is gathered.
+    pub for_eye: u32,
 }
 
 /// `gather_select.comp`.
@@ -310,6 +312,8 @@ pub struct GatherBasePush {
     pub directions: u32,
     pub slot_begin: u32,
     pub slot_end: u32,
+    /// 1: nobody but the eye will see what is gathered.
+    pub for_eye: u32,
 }
 
 /// `gather_trace.comp`.
@@ -326,6 +330,8 @@ pub struct GatherTracePush {
     pub directions: u32,
     pub step_voxels: f32,
     pub light: u32,
+    /// 1: nobody but the eye will see what is gathered.
+    pub for_eye: u32,
 }
 
 /// `pilot.comp`.

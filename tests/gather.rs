@@ -57,6 +57,8 @@ struct Ran {
     chosen: Vec<Vec<Choice>>,
     /// What the proxy says of every voxel.
     light: Texture<Vec2>,
+    /// Directions were drawn for the eye.
+    for_eye: bool,
 }
 
 /// `[row][item]` in chunks to `[item][row]`.
@@ -71,7 +73,7 @@ fn proxy_light(ctx: &Context, proxy: &Proxy, dims: [u32; 3]) -> Texture<Vec2> {
     Texture::new(dims, contents.bucket_id.iter().map(of).collect())
 }
 
-fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light: u32) -> Ran {
+fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light: u32, is_last: bool) -> Ran {
     let setup = Setup::new(ctx, scene);
     let dims = setup.host.params.dims;
     let field = texture(ctx, &setup.field);
@@ -104,7 +106,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
         field: &setup.field,
         projection: &projection,
         args: &cell_args,
-        kept: if scene.g == 0.0 { Kept::Mean } else { Kept::MomentsAndEye },
+        kept: projection.kept(!is_last),
     };
     for chunk in list.chunks() {
         pass.record(&mut rec, &scattering, &chunk, &args, proxy.as_ref(), &source, ORDER, light, true);
@@ -152,6 +154,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
         light,
         cells,
         setup,
+        for_eye: what == What::Projected && projection.kept(!is_last) == Kept::Eye,
     }
 }
 
@@ -176,23 +179,28 @@ fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32)
         What::Emitted => Carried::Emitted(&g.source[0]),
         What::Light => Carried::Light(&g.source[0], &host.lights[light as usize]),
     };
-    let expected = cpu::gather::gather_trace(host, &g.cells, carried, &g.chosen, ORDER, lattice, config.step);
+    let expected =
+        cpu::gather::gather_trace(host, &g.cells, carried, &g.chosen, ORDER, lattice, config.step, g.for_eye);
     let case = format!("{name}, {:?}, g {}, {what:?} {light}", config.sampling, host.params.g);
     let mut sums = Sums::zero(host.params.dims);
     if config.sampling == Sampling::Residual {
         let energies: Vec<_> = g.weights.iter().map(|w| w[config.directions as usize..].to_vec()).collect();
-        let base = cpu::gather::gather_base(host, &g.cells, &energies, ORDER);
+        let base = cpu::gather::gather_base(host, &g.cells, &energies, ORDER, g.for_eye);
         cpu::project::project_deposit(&host.params, &g.cells, &base, true, &mut sums);
     }
     cpu::project::project_deposit(&host.params, &g.cells, &expected, true, &mut sums);
     let same = |what: &str, got: &Texture<Vec4>, expected: &Texture<Vec4>| {
         assert_close(&format!("{case}: {what}"), &got.texels, &expected.texels, ROUNDING, CANCELLED);
     };
-    same("A", &g.sums[0], &sums.a);
-    if host.params.g != 0.0 {
+    if !g.for_eye {
+        same("A", &g.sums[0], &sums.a);
+    }
+    if host.params.g != 0.0 && !g.for_eye {
         for axis in 0..3 {
             same(["Bx", "By", "Bz"][axis], &g.sums[axis + 1], &sums.b[axis]);
         }
+    }
+    if host.params.g != 0.0 {
         same("eye", &g.sums[4], &sums.eye);
     }
     if g.chosen.iter().all(|c| c.len() <= 16) {
@@ -212,7 +220,8 @@ fn check_proxy(name: &str, g: &Ran, config: GatherConfig) {
         Sampling::Residual => vec![(Lattice::Traced, config.directions), (Lattice::Base, candidates)],
         _ => vec![(Lattice::Traced, candidates)],
     };
-    let expected = cpu::gather::gather_proxy(params, cells, &g.light, sky(&g.setup), ORDER, &lattices, step).concat();
+    let sky = sky(&g.setup);
+    let expected = cpu::gather::gather_proxy(params, cells, &g.light, sky, ORDER, &lattices, step, g.for_eye).concat();
     let got = g.weights.concat();
     assert_eq!(got.len(), expected.len(), "{name}");
     let most = expected.iter().copied().fold(0.0, f32::max);
@@ -251,7 +260,14 @@ fn check_select(name: &str, g: &Ran, config: GatherConfig) {
 }
 
 fn check(ctx: &Context, name: &str, scene: &Scene, config: GatherConfig) {
-    let gathered = gather(ctx, scene, config, What::Projected, 0);
+    // What the eye alone sees is gathered in other directions.
+    for is_last in if scene.g == 0.0 { &[false][..] } else { &[false, true] } {
+        check_one(ctx, &format!("{name}, last: {is_last}"), scene, config, *is_last);
+    }
+}
+
+fn check_one(ctx: &Context, name: &str, scene: &Scene, config: GatherConfig, is_last: bool) {
+    let gathered = gather(ctx, scene, config, What::Projected, 0, is_last);
     if config.sampling.uses_proxy() {
         check_proxy(name, &gathered, config);
     }
@@ -317,7 +333,7 @@ fn light_that_was_not_projected() {
     gpu_test(|ctx| {
         let config = GatherConfig { sampling: Sampling::Phase, ..CONFIG };
         for (name, scene) in scenes().into_iter().take(2) {
-            check_trace(name, gather(ctx, &scene, config, What::Emitted, 0), config, What::Emitted, 0);
+            check_trace(name, gather(ctx, &scene, config, What::Emitted, 0, false), config, What::Emitted, 0);
         }
     });
 }
@@ -330,7 +346,7 @@ fn light_of_one_direction() {
         for (name, mut scene) in scenes() {
             for (light, g) in cases(vec![(0, 0.6), (1, 0.6), (0, -0.9)]) {
                 scene.g = g;
-                check_trace(name, gather(ctx, &scene, config, What::Light, light), config, What::Light, light);
+                check_trace(name, gather(ctx, &scene, config, What::Light, light, false), config, What::Light, light);
             }
         }
     });

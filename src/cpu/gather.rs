@@ -4,7 +4,7 @@ use super::delta_lights::light_at;
 use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance};
 use super::project::{Cell, point_of_sample};
 use super::rng::{random_float, stream_key};
-use super::scene::{HostScene, world_from_index};
+use super::scene::{HostScene, direction_to_eye, world_from_index};
 use super::sphere::{lattice_direction, lattice_point, phase_hg, sample_hg};
 use super::texture::Texture;
 use crate::abi::{LightData, ScatterSample, SceneParams};
@@ -74,8 +74,41 @@ pub(super) fn proxy_energy(
     energy + through * sky.element_sum() / 3.0
 }
 
+/// Twin of `include/aim.glsl`.
+#[derive(Clone, Copy)]
+struct Aim {
+    g: f32,
+    to_eye: Option<Vec3>,
+}
+
+impl Aim {
+    fn new(scene: &SceneParams, cell: &Cell, for_eye: bool) -> Self {
+        Self { g: scene.g, to_eye: for_eye.then(|| direction_to_eye(scene, cell.middle())) }
+    }
+
+    fn direction(self, number: u32, count: u32, shift: [f32; 2]) -> Vec3 {
+        let even = if self.to_eye.is_some() { count / 2 } else { count };
+        match self.to_eye {
+            Some(to_eye) if number >= even => {
+                -sample_hg(self.g, to_eye, lattice_point(number - even, count - even, shift))
+            }
+            _ => lattice_direction(number, even, shift),
+        }
+    }
+
+    fn eye_density(self, towards: Vec3) -> f32 {
+        self.to_eye.map_or(1.0, |to_eye| 4.0 * PI * phase_hg(self.g, -towards.dot(to_eye)))
+    }
+
+    fn weight(self, count: u32, towards: Vec3) -> f32 {
+        let even = (count / 2) as f32 / count as f32;
+        self.to_eye.map_or(1.0, |_| 1.0 / (even + (1.0 - even) * self.eye_density(towards)))
+    }
+}
+
 /// Energy of every direction of every listed cell, as `proxy_energy` estimates it. `lattices`: whose points are the directions, and
 /// how many each has. `weights[cell in the list][direction]`.
+#[allow(clippy::too_many_arguments, reason = "the kernel's arguments")]
 pub fn gather_proxy(
     scene: &SceneParams,
     cells: &[u32],
@@ -84,15 +117,22 @@ pub fn gather_proxy(
     order: u32,
     lattices: &[(Lattice, u32)],
     step_voxels: f32,
+    for_eye: bool,
 ) -> Vec<Vec<f32>> {
     let of_cell = |&index: &u32| {
         let cell = Cell::from_linear(scene, index);
+        let (aim, middle) = (Aim::new(scene, &cell, for_eye), cell.middle());
+        let is_choice = lattices.len() == 1;
         let of_lattice = |&(lattice, points): &(Lattice, u32)| {
             let shift = lattice_shift(scene, index, order, lattice);
-            (0..points).map(move |i| lattice_direction(i, points, shift))
+            (0..points).map(move |i| {
+                let towards = aim.direction(i, points, shift);
+                // Energies of `residual` are radiances; a choice goes by what the eye would get.
+                let share = if is_choice { aim.eye_density(towards) * aim.weight(points, towards) } else { 1.0 };
+                share * proxy_energy(scene, light, sky, middle, towards, step_voxels)
+            })
         };
-        let energy = |towards| proxy_energy(scene, light, sky, cell.middle(), towards, step_voxels);
-        lattices.iter().flat_map(of_lattice).map(energy).collect()
+        lattices.iter().flat_map(of_lattice).collect()
     };
     cells.iter().map(of_cell).collect()
 }
@@ -133,7 +173,13 @@ pub fn select_shift(scene: &SceneParams, index: u32, order: u32) -> f32 {
 
 /// `residual`: the samples of its lower level in the listed cells, from the energies of the M directions of
 /// [`Lattice::Base`]. For g = 0 every point has the mean over all of them, else each direction its point.
-pub fn gather_base(scene: &HostScene, cells: &[u32], energies: &[Vec<f32>], order: u32) -> Vec<Vec<ScatterSample>> {
+pub fn gather_base(
+    scene: &HostScene,
+    cells: &[u32],
+    energies: &[Vec<f32>],
+    order: u32,
+    for_eye: bool,
+) -> Vec<Vec<ScatterSample>> {
     let s = &scene.params;
     let of_cell = |(&index, energies): (&u32, &Vec<f32>)| {
         let cell = Cell::from_linear(s, index);
@@ -148,7 +194,11 @@ pub fn gather_base(scene: &HostScene, cells: &[u32], energies: &[Vec<f32>], orde
         if s.g == 0.0 {
             (0..CELL_POINTS).map(|slot| sample(slot, mean / CELL_POINTS as f32, Vec3::ZERO)).collect()
         } else {
-            let of = |slot: u32| sample(slot, energies[slot as usize] / m as f32, lattice_direction(slot, m, shift));
+            let aim = Aim::new(s, &cell, for_eye);
+            let of = |slot: u32| {
+                let towards = aim.direction(slot, m, shift);
+                sample(slot, energies[slot as usize] / m as f32 * aim.weight(m, towards), towards)
+            };
             (0..m).map(of).collect()
         }
     };
@@ -214,23 +264,26 @@ pub fn gather_trace(
     order: u32,
     lattice: u32,
     step_voxels: f32,
+    for_eye: bool,
 ) -> Vec<Vec<ScatterSample>> {
     let s = &scene.params;
     let of_cell = |(&index, choices): (&u32, &Vec<Choice>)| {
         let cell = Cell::from_linear(s, index);
         let shift = lattice_shift(s, index, order, Lattice::Traced);
         let flip = point_flip(s, index, order);
+        let aim = Aim::new(s, &cell, for_eye);
         let of_choice = |(slot, choice): (usize, &Choice)| {
             let point = point_of_sample(slot as u32, flip);
             let towards = match carried {
                 Carried::Light(_, light) if light.is_point == 0 => {
                     -sample_hg(s.g, light.vector.into(), lattice_point(choice.candidate, lattice, shift))
                 }
-                _ => lattice_direction(choice.candidate, lattice, shift),
+                _ => aim.direction(choice.candidate, lattice, shift),
             };
             let ray = make_ray(s, cell.position(point), towards, step_voxels);
             let radiance = traced_radiance(s, carried, ray, towards);
-            let light = (radiance - choice.less) * cell.scattering(scene, point) * choice.weight;
+            let weight = choice.weight * aim.weight(lattice, towards);
+            let light = (radiance - choice.less) * cell.scattering(scene, point) * weight;
             ScatterSample { light: light.into(), travel: (-towards).into(), point }
         };
         choices.iter().enumerate().map(of_choice).collect()

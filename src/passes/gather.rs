@@ -3,7 +3,7 @@
 //! what the proxy says is taken as it is (`gather_base.comp`), and traced rays bring what it is off by.
 
 use super::compact::{Chunk, ChunkArgs, List};
-use super::project::{Scattering, Source};
+use super::project::{Kept, Scattering, Source};
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
 use super::{LIST_WORKGROUP, order_compute, rays_per_invocation, share_of};
@@ -219,6 +219,7 @@ impl Gather {
         let [candidates, directions] = args.counts;
         let (scene, emptiness) = (scattering.scene, scattering.emptiness);
         let (chunk_begin, chunk_items, order) = (chunk.begin, chunk.items, stream);
+        let for_eye = u32::from(self.is_anisotropic && scattering.kept == Kept::Eye);
         order_compute(rec);
         if let Some([estimate, second]) = &self.estimate {
             let (proxy, [estimate_args, second_args]) = proxy.zip(args.estimate.as_ref()).expect("a built proxy");
@@ -231,6 +232,7 @@ impl Gather {
                 directions,
                 block: self.block,
                 step_voxels: c.proxy_step,
+                for_eye,
             };
             let binds = [
                 ("scene_block", scene.block.bind()),
@@ -255,6 +257,7 @@ impl Gather {
                         directions,
                         slot_begin: slots.start,
                         slot_end: slots.end,
+                        for_eye,
                     };
                     let binds = [
                         ("scene_block", scene.block.bind()),
@@ -291,6 +294,7 @@ impl Gather {
                 directions,
                 step_voxels: c.step,
                 light,
+                for_eye,
             };
             let binds = [
                 ("scene_block", scene.block.bind()),
