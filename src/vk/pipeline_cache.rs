@@ -17,6 +17,8 @@ const MAGIC: &[u8; 8] = b"TYNDPIPE";
 const HEADER_BYTES: usize = MAGIC.len() + 8 + 32;
 /// Most data of a file. What has grown beyond, from too many scenes, is thrown away whole.
 const MAX_BYTES: usize = 64 << 20;
+/// How the names of files that are being filled end.
+const PART: &str = ".part";
 /// Most files of a kind in the folder: each driver and version leaves one.
 const MAX_FILES: usize = 8;
 /// How the names of files of pipelines begin.
@@ -124,7 +126,7 @@ impl CacheFile {
     /// A file to be filled: under its name a file is whole, whoever else writes it. A power cut is what the hash is for.
     fn new_part(&self) -> std::io::Result<NamedTempFile> {
         fs::create_dir_all(self.folder())?;
-        tempfile::Builder::new().prefix(self.prefix).suffix(".part").tempfile_in(self.folder())
+        tempfile::Builder::new().prefix(self.prefix).suffix(PART).tempfile_in(self.folder())
     }
 
     fn hash(&self, data: &[u8]) -> [u8; 32] {
@@ -181,16 +183,25 @@ impl CacheFile {
     }
 }
 
-/// Removes what is more than `MAX_FILES` files of a kind, the oldest first.
+/// Removes what is more than `MAX_FILES` files of a kind, the oldest first. Other processes may do the same: what is gone
+/// meanwhile is gone, and what they are filling is not counted.
 fn remove_oldest(folder: &Path, prefix: &str) -> std::io::Result<()> {
-    let is_own = |entry: &fs::DirEntry| entry.file_name().to_string_lossy().starts_with(prefix);
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder)?.filter_map(Result::ok).filter(is_own) {
-        files.push((entry.metadata()?.modified()?, entry.path()));
-    }
+    let is_own = |entry: &fs::DirEntry| {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        name.starts_with(prefix) && !name.ends_with(PART)
+    };
+    let dated = |entry: fs::DirEntry| Some((entry.metadata().ok()?.modified().ok()?, entry.path()));
+    let mut files: Vec<_> = fs::read_dir(folder)?.filter_map(Result::ok).filter(is_own).filter_map(dated).collect();
     files.sort();
     let excess = files.len().saturating_sub(MAX_FILES);
-    files[..excess].iter().try_for_each(|(_, path)| fs::remove_file(path))
+    for (_, path) in &files[..excess] {
+        match fs::remove_file(path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
