@@ -59,8 +59,8 @@ const BOUNDS: [(&str, f64); 20] = [
     ("sphere in a beam, g -0.5", 1.0),
     ("sphere in a beam, g 0.5", 12.0),
     ("sphere in a sky, g 0", 0.5),
-    ("sphere in a sky, g -0.5", 3.8),
-    ("sphere in a sky, g 0.5", 3.0),
+    ("sphere in a sky, g -0.5", 4.5),
+    ("sphere in a sky, g 0.5", 5.6),
     ("sphere in a sky, g 0.75", 8.5),
     ("sphere in a sky, g 0.9", 5.0),
 ];
