@@ -64,16 +64,12 @@ shared uint scratch[SCRATCH_WORDS];
 // add to a place in the tile to get the place in the output.
 shared uint digits[RADIX_DIGITS];
 
-// First bit and width of the digit. Read anew in every phase (`digit_window`): else compilers keep the digits of all keys
+// The digit's `digit_window`. Read anew in every phase: else compilers keep the digits of all keys
 // in registers from one phase to the next, and registers are what limits the workgroups under way.
 shared uvec2 shared_window;
 
 uint digit_at(uint key) {
     return digit_of(key, pass, bit_begin, bit_end);
-}
-
-uint digit_in(uvec2 window, uint key) {
-    return bitfieldExtract(key, int(window.x), int(window.y));
 }
 
 uint counter_word(uint digit) {
@@ -248,8 +244,7 @@ void main() {
         scratch[i] = 0u;
     }
     if (self == 0u) {
-        uint shift = bit_begin + pass * RADIX_BITS;
-        shared_window = uvec2(shift, min(bit_end - shift, RADIX_BITS));
+        shared_window = digit_window(pass, bit_begin, bit_end);
     }
     uint tile = take_tile(pass);
     uint end = item_count(count);

@@ -242,6 +242,19 @@ impl VolumeStats {
     }
 }
 
+/// CSV of rows of names and values; the first row's names are its head.
+pub fn csv_of<N: AsRef<[u8]>>(rows: impl IntoIterator<Item = Vec<(N, String)>>) -> String {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    for (i, columns) in rows.into_iter().enumerate() {
+        if i == 0 {
+            csv.write_record(columns.iter().map(|c| &c.0)).expect("a vector takes any record");
+        }
+        csv.write_record(columns.iter().map(|c| &c.1)).expect("a vector takes any record");
+    }
+    let bytes = csv.into_inner().expect("a vector takes any record");
+    String::from_utf8(bytes).expect("CSV of text is text")
+}
+
 /// Sizes for people: `256x256x108`.
 pub fn times<T: ToString>(sizes: &[T]) -> String {
     sizes.iter().map(T::to_string).collect::<Vec<_>>().join("x")

@@ -66,26 +66,35 @@ const WARM_UP: Duration = Duration::from_millis(400);
 /// Runs that never count.
 const WARM_UPS: u32 = 3;
 
+/// One run of what `record` records, after `prepare`, untimed; in its parts ([`Recorder::part`]) or as one pass.
+fn run_once(
+    ctx: &Context,
+    in_parts: bool,
+    prepare: impl Fn(&mut Recorder),
+    record: impl Fn(&mut Recorder),
+) -> Result<Vec<TimedPass>> {
+    let mut rec = Recorder::new(ctx)?;
+    if in_parts {
+        rec.time_parts();
+    }
+    prepare(&mut rec);
+    order_compute(&mut rec);
+    rec.begin_pass("bench", 0);
+    record(&mut rec);
+    rec.end_pass();
+    rec.submit_and_wait()
+}
+
 /// The parts of `runs` runs of what `record` records ([`Recorder::part`]); before each, untimed, what `prepare` records.
 ///
-/// Errors: the device has no timestamps, or fails.
+/// Errors: the device fails.
 pub(crate) fn time_parts(
     ctx: &Context,
     runs: u32,
     prepare: impl Fn(&mut Recorder),
     record: impl Fn(&mut Recorder),
 ) -> Result<Vec<Vec<TimedPass>>> {
-    let run = || {
-        let mut rec = Recorder::new(ctx)?;
-        rec.time_parts();
-        prepare(&mut rec);
-        order_compute(&mut rec);
-        rec.begin_pass("bench", 0);
-        record(&mut rec);
-        rec.end_pass();
-        rec.submit_and_wait()
-    };
-    (0..runs).map(|_| run()).collect()
+    (0..runs).map(|_| run_once(ctx, true, &prepare, &record)).collect()
 }
 
 /// GPU times of `runs` runs of what `record` records, in ms, after some that do not count; before each, untimed, what
@@ -100,13 +109,7 @@ pub(crate) fn time_each(
     record: impl Fn(&mut Recorder),
 ) -> Result<Vec<f64>> {
     let run = || -> Result<f64> {
-        let mut rec = Recorder::new(ctx)?;
-        prepare(&mut rec);
-        order_compute(&mut rec);
-        rec.begin_pass("bench", 0);
-        record(&mut rec);
-        rec.end_pass();
-        let ms = rec.submit_and_wait()?.iter().map(|pass| pass.ms).sum();
+        let ms = run_once(ctx, false, &prepare, &record)?.iter().map(|pass| pass.ms).sum();
         if ms > 0.0 { Ok(ms) } else { Err(no_timestamps()) }
     };
     let (began, warms_up) = (Instant::now(), start == Start::Cold && !ctx.is_cpu());

@@ -250,9 +250,12 @@ fn is_sorted(keys: &[u32], sorted: &[u32], payloads: Option<&[u32]>) -> bool {
             came_along && pairs.windows(2).all(|p| p[0] < p[1])
         }
         None => {
-            let sum = |keys: &[u32]| keys.iter().fold((0u64, 0u64), |(s, q), &k| (s + u64::from(k), q ^ mixed(k)));
-            let mixed_sum = |keys: &[u32]| keys.iter().fold(0u64, |s, &k| s.wrapping_add(mixed(k)));
-            sorted.is_sorted() && sum(keys) == sum(sorted) && mixed_sum(keys) == mixed_sum(sorted)
+            let sums = |keys: &[u32]| {
+                keys.iter().fold((0u64, 0u64), |(plain, hashed), &key| {
+                    (plain + u64::from(key), hashed.wrapping_add(mixed(key)))
+                })
+            };
+            sorted.is_sorted() && sums(keys) == sums(sorted)
         }
     }
 }

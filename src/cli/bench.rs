@@ -10,7 +10,7 @@ use crate::bench::proxy::{self, Row, Table, TwoLevel};
 use crate::output;
 use crate::render::Progress;
 use crate::scene::{self, Scene};
-use crate::stats::{DeviceStats, times, to_json};
+use crate::stats::{DeviceStats, csv_of, times, to_json};
 use crate::vk::{Context, no_messages};
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -193,16 +193,7 @@ fn line(row: &Row) -> String {
 }
 
 fn csv(tables: &[Table]) -> String {
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    let rows = tables.iter().flat_map(|t| t.rows.iter().map(move |r| columns(t, r)));
-    for (i, columns) in rows.enumerate() {
-        if i == 0 {
-            csv.write_record(columns.iter().map(|c| c.0)).expect("a vector takes any record");
-        }
-        csv.write_record(columns.iter().map(|c| &c.1)).expect("a vector takes any record");
-    }
-    let bytes = csv.into_inner().expect("a vector takes any record");
-    String::from_utf8(bytes).expect("CSV of text is text")
+    csv_of(tables.iter().flat_map(|t| t.rows.iter().map(move |r| columns(t, r))))
 }
 
 /// Names and values of the CSV.

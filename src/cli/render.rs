@@ -96,6 +96,18 @@ pub(super) fn show(bar: &ProgressBar, progress: &Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
+/// Moves the bar, and starts it again with every phase: what is left is guessed anew from the pace of that.
+pub(super) fn show_by_phase(bar: &ProgressBar) -> impl FnMut(Progress) -> ControlFlow<()> {
+    let mut phase = "";
+    move |progress| {
+        if phase != progress.phase {
+            bar.reset();
+            phase = progress.phase;
+        }
+        show(bar, &progress)
+    }
+}
+
 fn report(args: &Args, scene: &Scene, stats: &Stats, stops: Option<f32>) -> String {
     let exposure = stops.map_or_else(String::new, |s| format!(", exposure {s:+.2} stops"));
     let output = args.output.display();

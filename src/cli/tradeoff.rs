@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum as _;
 
-use super::render::{progress_bar, show};
+use super::render::{progress_bar, show_by_phase};
 use super::{DeviceArgs, SceneArgs, name_of};
 use crate::measure::front::Goal;
 use crate::measure::knobs::Knob;
@@ -13,7 +13,6 @@ use crate::measure::processor_ms;
 use crate::measure::report::Report;
 use crate::measure::sweep::{Clock, Effort, Options, Sweep};
 use crate::output;
-use crate::render::Progress;
 use crate::scene::{self, Model};
 use crate::stats::times;
 use crate::vk::Context;
@@ -74,6 +73,15 @@ pub struct Args {
     device: DeviceArgs,
 }
 
+/// Refuses a clock that this system does not have.
+pub(super) fn check_clock(clock: Clock) -> Result<()> {
+    if clock == Clock::Processor && processor_ms().is_none() {
+        let problem = "this system does not tell the processor time";
+        return Err(Error::usage("--clock", problem, "leave it out: the device's timestamps count"));
+    }
+    Ok(())
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> Result<String> {
     let mut overrides = args.scene.overrides.clone();
@@ -90,10 +98,7 @@ pub fn run(args: &Args) -> Result<String> {
         }
         None => Effort::Samples(args.reference_spp),
     };
-    if args.clock == Clock::Processor && processor_ms().is_none() {
-        let problem = "this system does not tell the processor time";
-        return Err(Error::usage("--clock", problem, "leave it out: the device's timestamps count"));
-    }
+    check_clock(args.clock)?;
     let scene = scene::load_scene(args.scene.scene.as_deref(), &overrides)?;
     let model = scene.settings.model;
     if model != Model::Multiple {
@@ -127,15 +132,7 @@ pub fn run(args: &Args) -> Result<String> {
     ));
 
     let bar = progress_bar(args.quiet);
-    let mut phase = "";
-    let mut progress = |progress: Progress| {
-        if phase != progress.phase {
-            // What is left is guessed anew from the pace of the phase.
-            bar.reset();
-            phase = progress.phase;
-        }
-        show(&bar, &progress)
-    };
+    let mut progress = show_by_phase(&bar);
     sweep.render_references(&mut progress)?;
     sweep.measure_base(&mut progress)?;
     let limit = args.limit.unwrap_or(usize::MAX);

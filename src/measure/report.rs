@@ -14,7 +14,7 @@ use super::seeds::SeedErrors;
 use super::sweep::{Clock, Effort, PassTime, Sweep};
 use crate::output::{self, Picture, PngOptions};
 use crate::scene::Settings;
-use crate::stats::{DeviceStats, times, to_json};
+use crate::stats::{DeviceStats, csv_of, times, to_json};
 use crate::{Error, Result};
 
 /// The JSON object of a sweep.
@@ -254,16 +254,7 @@ impl Report {
     }
 
     fn csv(&self) -> String {
-        let mut csv = csv::Writer::from_writer(Vec::new());
-        for (i, e) in self.settings.iter().enumerate() {
-            let columns = e.columns();
-            if i == 0 {
-                csv.write_record(columns.iter().map(|c| &c.0)).expect("a vector takes any record");
-            }
-            csv.write_record(columns.iter().map(|c| &c.1)).expect("a vector takes any record");
-        }
-        let bytes = csv.into_inner().expect("a vector takes any record");
-        String::from_utf8(bytes).expect("CSV of text is text")
+        csv_of(self.settings.iter().map(|e| e.columns()))
     }
 
     /// What was measured, against what.

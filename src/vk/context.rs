@@ -6,6 +6,7 @@ use super::pipeline_cache::CacheFile;
 use super::recorder::Recorder;
 use super::statistics::{self, KernelStatistics};
 use super::validation::{self, LayerSettings, Message, Severity, Sink, Validation};
+use crate::shaders::constants;
 use crate::{Error, Result};
 use ash::vk;
 use bytemuck::Pod;
@@ -394,7 +395,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
         }
     };
     at_least("maxComputeWorkGroupInvocations", l.max_compute_work_group_invocations, 256);
-    at_least("maxComputeSharedMemorySize", l.max_compute_shared_memory_size, 32 << 10);
+    at_least("maxComputeSharedMemorySize", l.max_compute_shared_memory_size, constants::SHARED_BYTES);
     at_least("maxPushConstantsSize", l.max_push_constants_size, 128);
     at_least("maxPerStageDescriptorStorageBuffers", l.max_per_stage_descriptor_storage_buffers, 12);
     // SAFETY: as above.

@@ -9,7 +9,7 @@ use crate::passes::radix_sort::RadixSortConfig;
 use crate::passes::scan::ScanConfig;
 use crate::passes::tuning::Tuning;
 use crate::render::Progress;
-use crate::stats::{DeviceStats, to_json};
+use crate::stats::{DeviceStats, csv_of, to_json};
 use crate::vk::{Context, ContextConfig, KernelStatistics, no_messages};
 use crate::{Error, Result};
 use serde::Serialize;
@@ -288,17 +288,20 @@ fn text(report: &Report, has_details: bool) -> String {
 }
 
 fn csv(rows: &[Row]) -> String {
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    let head =
-        ["what", "items", "entropy", "ms", "p10_ms", "p90_ms", "items_per_second", "bytes_per_second", "of_copy"];
-    csv.write_record(head).expect("a vector takes any record");
-    for r in rows {
-        let entropy = r.entropy.map_or_else(String::new, |e| e.to_string());
-        let numbers = [r.ms.median, r.ms.p10, r.ms.p90, r.items_per_second, r.bytes_per_second, r.of_copy];
-        let record = [r.what.clone(), r.items.to_string(), entropy].into_iter().chain(numbers.map(|x| x.to_string()));
-        csv.write_record(record).expect("a vector takes any record");
-    }
-    String::from_utf8(csv.into_inner().expect("a vector takes any record")).expect("CSV of text is text")
+    let columns = |r: &Row| {
+        let text = [("what", r.what.clone()), ("items", r.items.to_string())];
+        let entropy = [("entropy", r.entropy.map_or_else(String::new, |e| e.to_string()))];
+        let numbers = [
+            ("ms", r.ms.median),
+            ("p10_ms", r.ms.p10),
+            ("p90_ms", r.ms.p90),
+            ("items_per_second", r.items_per_second),
+            ("bytes_per_second", r.bytes_per_second),
+            ("of_copy", r.of_copy),
+        ];
+        text.into_iter().chain(entropy).chain(numbers.map(|(name, x)| (name, x.to_string()))).collect()
+    };
+    csv_of(rows.iter().map(columns))
 }
 
 #[cfg(test)]

@@ -1,15 +1,15 @@
 //! `tyndall bench scenes`.
 
-use super::super::render::{progress_bar, show};
+use super::super::render::{progress_bar, show_by_phase};
+use super::super::tradeoff::check_clock;
 use super::super::{DeviceArgs, in_string, name_of};
+use crate::Result;
 use crate::bench::scenes::{self, CASES, Case, Config, Row, Table};
-use crate::measure::processor_ms;
 use crate::measure::sweep::Clock;
 use crate::output;
 use crate::scene::file::MAX_SPP;
 use crate::stats::{DeviceStats, times, to_json};
 use crate::vk::{Context, no_messages};
-use crate::{Error, Result};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -109,10 +109,7 @@ struct Report {
 /// Runs `tyndall bench scenes`.
 pub fn run(args: &ScenesArgs) -> Result<String> {
     output::check_folder(&args.output)?;
-    if args.clock == Clock::Processor && processor_ms().is_none() {
-        let problem = "this system does not tell the processor time";
-        return Err(Error::usage("--clock", problem, "leave it out: the device's timestamps count"));
-    }
+    check_clock(args.clock)?;
     let ctx = Context::new(&args.device.config())?;
     let device = DeviceStats::of(&ctx);
     let config = Config {
@@ -127,14 +124,7 @@ pub fn run(args: &ScenesArgs) -> Result<String> {
     let chosen: Vec<Case> = CASES.into_iter().filter(|c| args.scenes.iter().any(|name| name == c.name)).collect();
     let mut tables = Vec::new();
     for case in chosen {
-        let mut phase = "";
-        tables.push(scenes::run(&ctx, case, &config, &args.output, &mut |progress| {
-            if phase != progress.phase {
-                bar.reset();
-                phase = progress.phase;
-            }
-            show(&bar, &progress)
-        })?);
+        tables.push(scenes::run(&ctx, case, &config, &args.output, &mut show_by_phase(&bar))?);
     }
     bar.finish_and_clear();
     no_messages(&ctx.close())?;
