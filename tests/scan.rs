@@ -19,8 +19,7 @@ const SENTINEL: u32 = 0xDEAD_BEEF;
 /// Items of [`SMALL_TILES`].
 const SMALL: usize = 256;
 /// Many tiles for little work.
-const SMALL_TILES: ScanConfig =
-    ScanConfig { inclusive: false, workgroup: 64, vectors: 1, spin_limit: 64, withhold: 0, windows: 1 };
+const SMALL_TILES: ScanConfig = ScanConfig { inclusive: false, workgroup: 64, vectors: 1, spin_limit: 64, withhold: 0 };
 
 /// Scans `items` and compares with the twin. Items are random words, so that sums wrap.
 fn check(ctx: &Context, scan: &Scan, scratch: &ScanScratch, config: ScanConfig, items: &[u32]) -> Report {
@@ -103,8 +102,8 @@ fn a_suspended_tile_is_computed_by_those_that_need_it() {
     gpu_test(|ctx| {
         let items = Random(2).words(SMALL * 100 + 5);
         for withhold in [1, 2, 3, 7, 50] {
-            for (spin_limit, windows) in [(0, 1), (1, 2), (64, 1), (64, 3)] {
-                let config = ScanConfig { withhold, spin_limit, windows, ..SMALL_TILES };
+            for spin_limit in [0, 1, 64] {
+                let config = ScanConfig { withhold, spin_limit, ..SMALL_TILES };
                 let scan = Scan::new(ctx, config).unwrap();
                 let scratch = scan.scratch(ctx, items.len() as u32).unwrap();
                 let report = check(ctx, &scan, &scratch, config, &items);

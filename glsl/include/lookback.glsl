@@ -21,11 +21,7 @@
 // agree. Both halves then come from the same state, hence from the same sum, without 64-bit atomics.
 #ifndef LOOKBACK_GLSL
 #define LOOKBACK_GLSL
-#extension GL_EXT_control_flow_attributes : require
 #include "tile_status.glsl"
-
-// Tiles whose status each lane loads at once in a step of look-back.
-layout(constant_id = 6) const uint WINDOWS = 1u;
 
 struct TileScan {
     uint before;
@@ -51,42 +47,31 @@ uint load_sum(uint tile, out uint sum) {
     return low >> STATE_SHIFT == high >> STATE_SHIFT ? low >> STATE_SHIFT : STATE_NONE;
 }
 
-// Walks back from tile `next` - 1 with one subgroup, WINDOWS tiles to a lane, adding to `exclusive`. Returns when an
-// inclusive sum (or the beginning) was found: `next` = 0; when tile `next` - 1 stayed missing for SPIN_LIMIT polls; or
-// when `steps` reached the budget.
+// Walks back from tile `next` - 1 with one subgroup, a lane per tile, adding to `exclusive`. Returns when an inclusive
+// sum (or the beginning) was found: `next` = 0; when tile `next` - 1 stayed missing for SPIN_LIMIT polls; or when
+// `steps` reached the budget.
 void walk_back(inout uint next, inout uint exclusive, inout uint steps, inout uint spins) {
     uint polls = 0u;
-    uint lane = gl_SubgroupInvocationID;
     while (next > 0u && polls <= SPIN_LIMIT && steps < LOOKBACK_BUDGET) {
-        uint states[WINDOWS];
-        uint sums[WINDOWS];
-        [[unroll]] for (uint w = 0u; w < WINDOWS; w++) {
-            uint back = w * gl_SubgroupSize + lane;
-            states[w] = STATE_INCLUSIVE; // before the first tile: nothing, completely known
-            sums[w] = 0u;
-            if (back < next) {
-                states[w] = load_sum(next - 1u - back, sums[w]);
-            }
+        uint lane = gl_SubgroupInvocationID;
+        uint state = STATE_INCLUSIVE; // before the first tile: nothing, completely known
+        uint sum = 0u;
+        if (lane < next) {
+            state = load_sum(next - 1u - lane, sum);
         }
-        bool goes_on = true; // all of the windows so far were READY
-        [[unroll]] for (uint w = 0u; w < WINDOWS; w++) {
-            if (goes_on) {
-                uint inclusive = subgroupMin(states[w] == STATE_INCLUSIVE ? lane : gl_SubgroupSize);
-                uint missing = subgroupMin(states[w] == STATE_NONE ? lane : gl_SubgroupSize);
-                uint known = min(inclusive + 1u, missing); // lanes to add; SIZE + 1 when all are READY
-                exclusive += subgroupAdd(lane < known ? sums[w] : 0u);
-                if (inclusive < missing) {
-                    next = 0u;
-                } else {
-                    next -= missing;
-                    // The count of polls starts again with each tile waited for.
-                    polls = missing == 0u ? polls + 1u : missing < gl_SubgroupSize ? 1u : 0u;
-                    spins += missing < gl_SubgroupSize ? 1u : 0u;
-                }
-                goes_on = inclusive == gl_SubgroupSize && missing == gl_SubgroupSize;
-            }
+        uint inclusive = subgroupMin(state == STATE_INCLUSIVE ? lane : gl_SubgroupSize);
+        uint missing = subgroupMin(state == STATE_NONE ? lane : gl_SubgroupSize);
+        uint known = min(inclusive + 1u, missing); // lanes to add; SIZE + 1 when all are READY
+        exclusive += subgroupAdd(lane < known ? sum : 0u);
+        if (inclusive < missing) {
+            next = 0u;
+        } else {
+            next -= missing;
+            // The count of polls starts again with each tile waited for.
+            polls = missing == 0u ? polls + 1u : missing < gl_SubgroupSize ? 1u : 0u;
+            spins += missing < gl_SubgroupSize ? 1u : 0u;
         }
-        steps += WINDOWS;
+        steps++;
     }
 }
 

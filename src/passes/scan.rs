@@ -19,13 +19,11 @@ pub struct ScanConfig {
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
     pub withhold: u32,
-    /// Earlier tiles whose status each lane loads at once.
-    pub windows: u32,
 }
 
 impl Default for ScanConfig {
     fn default() -> Self {
-        Self { inclusive: false, workgroup: 256, vectors: 4, spin_limit: 64, withhold: 0, windows: 1 }
+        Self { inclusive: false, workgroup: 256, vectors: 4, spin_limit: 64, withhold: 0 }
     }
 }
 
@@ -62,7 +60,6 @@ impl Scan {
             ("SPIN_LIMIT", config.spin_limit),
             ("WITHHOLD", config.withhold),
             ("VECTORS", config.vectors),
-            ("WINDOWS", config.windows),
             ("INCLUSIVE_SCAN", config.inclusive.into()),
         ];
         Ok(Self {

@@ -67,10 +67,6 @@ pub struct ScanArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
     vectors: Option<u32>,
 
-    /// Earlier tiles whose status each lane loads at once.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8), help_heading = "Bench")]
-    windows: Option<u32>,
-
     /// Polls of a missing predecessor before its tile is computed in its place.
     #[arg(long, value_name = "N", help_heading = "Bench")]
     spin_limit: Option<u32>,
@@ -165,7 +161,6 @@ pub fn run_scan(args: &ScanArgs) -> Result<String> {
         let shape = ScanConfig {
             workgroup: args.workgroup.unwrap_or(usual.workgroup),
             vectors: args.vectors.unwrap_or(usual.vectors),
-            windows: args.windows.unwrap_or(usual.windows),
             spin_limit: args.spin_limit.unwrap_or(usual.spin_limit),
             ..usual
         };
