@@ -7,12 +7,11 @@ mod common;
 mod data;
 
 use bodies::{
-    CHUNK, Setup, assert_close, assert_same_samples, cases, image, random_light, random_values, scene_of, scenes,
-    texture,
+    CHUNK, Setup, assert_close, assert_same_samples, cases, gathered_sky, proxy_light, random_source, random_values,
+    scene_of, scenes, texture,
 };
 use common::gpu_test;
 use glam::{Vec2, Vec3, Vec4};
-use half::f16;
 use tyndall::abi::ScatterSample;
 use tyndall::cpu;
 use tyndall::cpu::gather::{Carried, Choice, Lattice};
@@ -20,10 +19,9 @@ use tyndall::cpu::project::Sums;
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::compact::Listed;
 use tyndall::passes::gather::{Gather, GatherConfig, Gathered as What};
-use tyndall::passes::project::{Kept, Projection, Scattering, Source};
+use tyndall::passes::project::{Kept, Projection, Scattering};
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
 use tyndall::scene::{Environment, LightFor, Sampling, Scene};
-use tyndall::shaders::constants;
 use tyndall::vk::{Access, Buffer, Context, Image, Recorder};
 use tyndall::volume::Grid;
 
@@ -66,24 +64,10 @@ fn transposed<T: Copy>(rows: &[T], items: usize) -> Vec<Vec<T>> {
     (0..items).map(|item| rows.iter().copied().skip(item).step_by(CHUNK as usize).collect()).collect()
 }
 
-fn proxy_light(ctx: &Context, proxy: &Proxy, dims: [u32; 3]) -> Texture<Vec2> {
-    let contents = proxy.read_back(ctx).unwrap();
-    let buckets: Vec<[f16; 2]> = ctx.read_back(proxy.bucket_light()).unwrap().into_iter().map(bytemuck::cast).collect();
-    let of = |&id: &u32| Vec2::from(buckets[id as usize].map(f32::from));
-    Texture::new(dims, contents.bucket_id.iter().map(of).collect())
-}
-
 fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light: u32, is_last: bool) -> Ran {
     let setup = Setup::new(ctx, scene);
     let dims = setup.host.params.dims;
-    let field = texture(ctx, &setup.field);
-    // |B| stays below A, as it does for radiance.
-    let lit = |seed: u64, low: f32, high: f32| {
-        let light = random_light(dims, seed, low, high).texels;
-        let texels = light.iter().zip(&field.texels).map(|(l, f)| l.truncate().extend(f.w)).collect();
-        image(ctx, "source", &Texture::new(dims, texels))
-    };
-    let source = Source { a: lit(31, 0.0, 900.0), b: [32, 33, 34].map(|seed| lit(seed, -300.0, 300.0)) };
+    let source = random_source(ctx, &setup);
 
     let proxy_config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
     let proxy = config.sampling.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
@@ -163,19 +147,12 @@ fn constant_sky() -> Option<Environment> {
     Some(Environment::Constant(Vec3::new(2.0, 1.0, 3.0)))
 }
 
-/// What a gather brings of the environment, in the fields' units.
-fn sky(setup: &Setup) -> Vec3 {
-    let is_constant = setup.data.environment == constants::ENVIRONMENT_CONSTANT;
-    let params = &setup.host.params;
-    if is_constant { Vec3::from(params.environment) * params.radiance_scale } else { Vec3::ZERO }
-}
-
 /// Traces the same choices in the twin.
 fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32) {
     let lattice = if config.sampling.is_choice() { config.candidates } else { config.directions };
     let host = &g.setup.host;
     let carried = match what {
-        What::Projected => Carried::Projected(&g.source, sky(&g.setup)),
+        What::Projected => Carried::Projected(&g.source, gathered_sky(&g.setup)),
         What::Emitted => Carried::Emitted(&g.source[0]),
         What::Light => Carried::Light(&g.source[0], &host.lights[light as usize]),
     };
@@ -220,7 +197,7 @@ fn check_proxy(name: &str, g: &Ran, config: GatherConfig) {
         Sampling::Residual => vec![(Lattice::Traced, config.directions), (Lattice::Base, candidates)],
         _ => vec![(Lattice::Traced, candidates)],
     };
-    let sky = sky(&g.setup);
+    let sky = gathered_sky(&g.setup);
     let expected = cpu::gather::gather_proxy(params, cells, &g.light, sky, ORDER, &lattices, step, g.for_eye).concat();
     let got = g.weights.concat();
     assert_eq!(got.len(), expected.len(), "{name}");

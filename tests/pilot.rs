@@ -6,20 +6,16 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use bodies::{Setup, image, random_light, scenes, texture};
+use bodies::{Setup, gathered_sky, proxy_light, random_source, scenes, texture};
 use common::gpu_test;
-use glam::{Vec2, Vec3};
-use half::f16;
+use glam::Vec3;
 use tyndall::abi::PilotSample;
 use tyndall::cpu;
 use tyndall::cpu::gather::Carried;
-use tyndall::cpu::texture::Texture;
 use tyndall::passes::compact::Listed;
 use tyndall::passes::pilot::Pilot;
-use tyndall::passes::project::Source;
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
 use tyndall::scene::{Environment, Scene};
-use tyndall::shaders::constants;
 use tyndall::vk::{Context, Recorder};
 
 const DIRECTIONS: u32 = 11;
@@ -33,13 +29,7 @@ struct Ran {
 fn pilot(ctx: &Context, scene: &Scene, steps: [f32; 2]) -> Ran {
     let setup = Setup::new(ctx, scene);
     let dims = setup.host.params.dims;
-    let field = texture(ctx, &setup.field);
-    let lit = |seed: u64, low: f32, high: f32| {
-        let light = random_light(dims, seed, low, high).texels;
-        let texels = light.iter().zip(&field.texels).map(|(l, f)| l.truncate().extend(f.w)).collect();
-        image(ctx, "source", &Texture::new(dims, texels))
-    };
-    let source = Source { a: lit(31, 0.0, 900.0), b: [32, 33, 34].map(|seed| lit(seed, -300.0, 300.0)) };
+    let source = random_source(ctx, &setup);
     let config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
     let proxy = Proxy::new(ctx, &setup.data, config).unwrap();
     let pass = Pilot::new(ctx, &setup.data, DIRECTIONS, steps).unwrap();
@@ -56,14 +46,9 @@ fn pilot(ctx: &Context, scene: &Scene, steps: [f32; 2]) -> Ran {
     pass.record(&mut rec, &setup.data, &setup.emptiness.image, &list, &proxy, &source);
     rec.submit_and_wait().unwrap();
 
-    let ids = proxy.read_back(ctx).unwrap().bucket_id;
-    let buckets: Vec<[f16; 2]> = ctx.read_back(proxy.bucket_light()).unwrap().into_iter().map(bytemuck::cast).collect();
-    let of = |&id: &u32| Vec2::from(buckets[id as usize].map(f32::from));
-    let light = Texture::new(dims, ids.iter().map(of).collect());
+    let light = proxy_light(ctx, &proxy, dims);
     let images = [&source.a, &source.b[0], &source.b[1], &source.b[2]].map(|i| texture(ctx, i));
-    let params = &setup.host.params;
-    let is_constant = setup.data.environment == constants::ENVIRONMENT_CONSTANT;
-    let sky = if is_constant { Vec3::from(params.environment) * params.radiance_scale } else { Vec3::ZERO };
+    let sky = gathered_sky(&setup);
     let drawn = cpu::pilot::pilot_cells(&setup.host, &cells, Pilot::cells(&list));
     let twin = [0, 1].map(|replicate| {
         let carried = Carried::Projected(&images, sky);

@@ -4,7 +4,7 @@
 
 use super::common::validation;
 use super::data::Random;
-use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use half::f16;
 use tyndall::abi::ScatterSample;
 use tyndall::cpu::scene::HostScene;
@@ -12,12 +12,15 @@ use tyndall::cpu::texture::Texture;
 use tyndall::passes::classify::{Classify, Emitted};
 use tyndall::passes::compact::{List, Listed, Marks};
 use tyndall::passes::emptiness::Emptiness;
+use tyndall::passes::project::Source;
+use tyndall::passes::proxy::Proxy;
 use tyndall::passes::scene_data::SceneData;
 use tyndall::scene::camera::{Framing, frame};
 use tyndall::scene::{
     Background, Camera, Environment, Exposure, LatLong, Light, OpacityUnit, Scene, Settings, ToneCurve,
     TransferFunction, TransferPoint,
 };
+use tyndall::shaders::constants;
 use tyndall::vk::{Context, Image, ImageFormat, Recorder, Validation};
 use tyndall::volume::{Grid, Volume, VoxelData};
 
@@ -214,6 +217,33 @@ pub fn random_light(dims: [u32; 3], seed: u64, low: f32, high: f32) -> Texture<V
     let values = random_values(seed, 4 * n);
     let round = |x: f32| f16::from_f32(low + (high - low) * x).to_f32();
     Texture::new(dims, values.chunks(4).map(|v| Vec4::from([v[0], v[1], v[2], v[3]].map(round))).collect())
+}
+
+/// Random light of a gather in the extinction of the scene: |B| stays below A, as it does for radiance.
+pub fn random_source(ctx: &Context, setup: &Setup) -> Source {
+    let dims = setup.host.params.dims;
+    let field = texture(ctx, &setup.field);
+    let lit = |seed: u64, low: f32, high: f32| {
+        let light = random_light(dims, seed, low, high).texels;
+        let texels = light.iter().zip(&field.texels).map(|(l, f)| l.truncate().extend(f.w)).collect();
+        image(ctx, "source", &Texture::new(dims, texels))
+    };
+    Source { a: lit(31, 0.0, 900.0), b: [32, 33, 34].map(|seed| lit(seed, -300.0, 300.0)) }
+}
+
+/// Light and extinction of every voxel's bucket.
+pub fn proxy_light(ctx: &Context, proxy: &Proxy, dims: [u32; 3]) -> Texture<Vec2> {
+    let contents = proxy.read_back(ctx).unwrap();
+    let buckets: Vec<[f16; 2]> = ctx.read_back(proxy.bucket_light()).unwrap().into_iter().map(bytemuck::cast).collect();
+    let of = |&id: &u32| Vec2::from(buckets[id as usize].map(f32::from));
+    Texture::new(dims, contents.bucket_id.iter().map(of).collect())
+}
+
+/// What a gather brings of the environment, in the fields' units.
+pub fn gathered_sky(setup: &Setup) -> Vec3 {
+    let is_constant = setup.data.environment == constants::ENVIRONMENT_CONSTANT;
+    let params = &setup.host.params;
+    if is_constant { Vec3::from(params.environment) * params.radiance_scale } else { Vec3::ZERO }
 }
 
 /// Every component within `relative` of the expected one, plus `absolute` of the largest expected one.
