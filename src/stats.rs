@@ -255,6 +255,14 @@ pub fn csv_of<N: AsRef<[u8]>>(rows: impl IntoIterator<Item = Vec<(N, String)>>) 
     String::from_utf8(bytes).expect("CSV of text is text")
 }
 
+/// The middle one, or the mean of the two in the middle; 0 of nothing.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len();
+    if n == 0 { 0.0 } else { 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]) }
+}
+
 /// Sizes for people: `256x256x108`.
 pub fn times<T: ToString>(sizes: &[T]) -> String {
     sizes.iter().map(T::to_string).collect::<Vec<_>>().join("x")
@@ -448,6 +456,13 @@ fn mask_text(mask: [u8; 4]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn medians() {
+        assert_eq!(median(&[]), 0.0);
+        assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&[4.0, 1.0, 2.0, 9.0]), 3.0);
+    }
 
     fn example() -> Stats {
         let pass = |name: &str, iteration, ms| PassStats { name: name.into(), iteration, dispatches: 2, ms };

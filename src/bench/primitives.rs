@@ -1,12 +1,13 @@
 //! `tyndall bench scan` and `tyndall bench sort`: how fast the primitives are, against copies of as many words in the
 //! same run. Every result is checked before its times count.
 
-use super::{Start, median, time_each, time_parts};
+use super::{Start, time_each, time_parts};
 use crate::cpu;
 use crate::passes::bench_copy::{BenchCopy, CopyShape};
 use crate::passes::lookback::{Count, Diagnostics, MAX_ITEMS};
 use crate::passes::radix_sort::{RadixSort, RadixSortConfig, Sorted};
 use crate::passes::scan::{Scan, ScanConfig};
+use crate::stats::median;
 use crate::vk::{Access, Buffer, Context, Recorder};
 use crate::{Error, Result};
 use serde::Serialize;

@@ -6,7 +6,7 @@
 //! differences to traced rays, with the best M and N.
 
 use super::lit::Lit;
-use super::{Timing, median, time, time_passes};
+use super::{Timing, time, time_passes};
 use crate::passes::bench_rays::{BenchRays, RayConfig, RayInputs};
 use crate::passes::cubes::Cubes;
 use crate::passes::emptiness::{Emptiness, Measure};
@@ -14,6 +14,7 @@ use crate::passes::mips::Mips;
 use crate::passes::proxy::{Proxy, ProxyConfig};
 use crate::scene::Scene;
 use crate::shaders::constants;
+use crate::stats::median;
 use crate::vk::{Buffer, Context, Image, Recorder};
 use crate::{Error, Result};
 use serde::Serialize;

@@ -15,7 +15,7 @@ use crate::abi::PilotSample;
 use crate::passes::gather::GatherConfig;
 use crate::scene::{Overrides, Sampling, Scene, load_scene};
 use crate::shaders::constants::PILOT_REPLICATES;
-use crate::stats::{AutoStats, Stats};
+use crate::stats::{AutoStats, Stats, median};
 use crate::vk::Context;
 use std::ops::ControlFlow;
 
@@ -95,19 +95,17 @@ fn measured_factors(ctx: &Context) -> Result<[f64; 4]> {
     scene.settings.sampling = Sampling::Residual;
     // One more: drivers compile at first use.
     let (all, _) = render(&scene, 1 + RENDERS)?;
-    let median = |prefix: &str| {
+    let usual_ns = |prefix: &str| {
         let ns = |stats: &Stats| stats.passes.iter().filter(|p| p.name.starts_with(prefix)).map(|p| p.ms * 1e6).sum();
-        let mut times: Vec<f64> = all[1..].iter().map(ns).collect();
-        times.sort_by(f64::total_cmp);
-        times[RENDERS / 2]
+        median(&all[1..].iter().map(ns).collect::<Vec<f64>>())
     };
     let c = USUAL_COSTS;
     let (m, n) = (f64::from(scene.settings.candidates), f64::from(scene.settings.directions));
     Ok([
-        median("gather.trace") / (cells * n * (c.traced_ray + c.traced_step * steps[0])),
-        median("gather.proxy") / (cells * (m + n) * (c.proxy_ray + c.proxy_step * steps[1])),
-        median("gather.base") / (cells * c.base),
-        median("proxy.") / (f64::from(edge).powi(3) * c.voxel),
+        usual_ns("gather.trace") / (cells * n * (c.traced_ray + c.traced_step * steps[0])),
+        usual_ns("gather.proxy") / (cells * (m + n) * (c.proxy_ray + c.proxy_step * steps[1])),
+        usual_ns("gather.base") / (cells * c.base),
+        usual_ns("proxy.") / (f64::from(edge).powi(3) * c.voxel),
     ])
 }
 
