@@ -1,10 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Compact: the list of the marked voxels or cells of a range of linear indices, by one look-back scan that reads the marks
+// Compact: the list of the marked blocks or cells of a range of linear indices, by one look-back scan that reads the marks
 // and writes the list (DESIGN section 2). The list keeps the order of the indices.
 // Grid: one workgroup per tile of WORKGROUP * ROWS indices, any shape, tiles by ticket.
 #define STATUS_BINDING 4
-#include "include/cell.glsl"
+#include "include/scene.glsl"
 #include "include/tile_rows.glsl"
 
 // What is listed: LISTED_*.
@@ -21,6 +21,8 @@ layout(push_constant, scalar) uniform CompactPush {
     // First index and number of indices of the range.
     uint first;
     uint count;
+    // As mark.comp.
+    uint edge;
 };
 
 uint tile_item(uint index) {
@@ -29,8 +31,10 @@ uint tile_item(uint index) {
     }
     // Not a constant: reflection cannot evaluate operators on specialization constants.
     uint listed = LISTED;
-    bool is_voxel = listed == LISTED_VOXELS || listed == LISTED_NODES;
-    ivec3 at = is_voxel ? ivec3(voxel_from_linear(first + index)) : cell_from_linear(first + index);
+    bool is_block = listed == LISTED_VOXELS || listed == LISTED_NODES;
+    uvec3 counts = (scene.dims + edge - 1u) / edge + (is_block ? 0u : 1u);
+    uint row = (first + index) / counts.x;
+    ivec3 at = ivec3(first + index - row * counts.x, row % counts.y, row / counts.y);
     uint bits = texelFetch(marks, at, 0).r;
     if (listed < LISTED_SEEN) {
         return bits >> listed & 1u;

@@ -43,7 +43,7 @@ void main() {
     }
     uint index = list_items[chunk_begin + item];
     Cell cell = make_cell(cell_from_linear(index));
-    CornerScattering scattering = corner_scattering(scalar, cell);
+    CellScattering scattering = cell_scattering(scalar, cell);
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = base_shift(key);
     uint flip = point_flip(key);
@@ -65,7 +65,7 @@ void main() {
             energy = weights[(directions + slot) * chunk_items + item] * weight;
         }
         uint point = point_of_sample(slot, flip);
-        vec3 light = energy * scattering_at(scattering, upper_weight(cell, point_place(cell, point)));
+        vec3 light = energy * scattering_at(scattering, cell, point);
         samples[(slot - slot_begin) * chunk_items + item] = ScatterSample(light, -towards, point);
     }
 }

@@ -60,7 +60,7 @@ void main() {
     }
     uint index = list_items[chunk_begin + item];
     Cell cell = make_cell(cell_from_linear(index));
-    CornerScattering scattering = corner_scattering(scalar, cell);
+    CellScattering scattering = cell_scattering(scalar, cell);
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = lattice_shift(key);
     uint flip = point_flip(key);
@@ -87,7 +87,7 @@ void main() {
             if (SAMPLING == SAMPLING_RESIDUAL) {
                 radiance -= weights[slot * chunk_items + item];
             }
-            radiance *= scattering_at(scattering, upper_weight(cell, place)) * (weight * aimed_weight(aim, lattice, towards));
+            radiance *= scattering_at(scattering, cell, point) * (weight * aimed_weight(aim, lattice, towards));
         }
         samples[(slot - slot_begin) * chunk_items + item] = ScatterSample(radiance, -towards, point);
     }

@@ -1,43 +1,81 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
-// Mark: which voxels and cells have to do with the medium, for compact.comp's lists; counts the voxels with extinction.
-// Grid: one invocation per cell, which counts for the voxel of the same index too; 8 x 8 x 1 workgroups.
-#include "include/cell.glsl"
+// Mark: which voxels, cells and nodes (cell.glsl) have to do with the medium, for compact.comp's lists; counts the voxels
+// with extinction.
+// Grid: one invocation per cell, which marks the block and the node of the same index too; 8 x 8 x 1 workgroups.
+#include "include/scene.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(set = 0, binding = 1) uniform sampler3D field;
 // As octants.comp wrote it.
 layout(set = 0, binding = 2) uniform usampler3D emptiness;
-// Bits 1 << LISTED_*; one texel more along every axis than the volume has voxels.
+// Bits 1 << LISTED_*; one texel more along every axis than there are blocks.
 layout(set = 0, binding = 3, r32ui) writeonly uniform uimage3D marks;
 // Word 0: voxels with extinction.
 layout(set = 0, binding = 4, scalar) buffer Tally { uint tally[]; };
 
+layout(push_constant, scalar) uniform MarkPush {
+    // Of the blocks whose cells and nodes are marked, in voxels.
+    uint edge;
+};
+
+// Voxels whose extinction reaches between the planes `low` and `high`: the first, and the one after the last.
+ivec3 first_voxel(vec3 low) {
+    return max(ivec3(floor(low - 0.5)), ivec3(0));
+}
+
+ivec3 end_voxel(vec3 high) {
+    return min(ivec3(ceil(high - 0.5)) + 1, ivec3(scene.dims));
+}
+
+uint voxels_with_extinction(ivec3 first, ivec3 end) {
+    uint found = 0u;
+    for (int z = first.z; z < end.z; z++) {
+        for (int y = first.y; y < end.y; y++) {
+            for (int x = first.x; x < end.x; x++) {
+                found += texelFetch(field, ivec3(x, y, z), 0).a > 0.0 ? 1u : 0u;
+            }
+        }
+    }
+    return found;
+}
+
 void main() {
     ivec3 at = ivec3(gl_GlobalInvocationID);
-    bool exists = all(lessThanEqual(at, ivec3(scene.dims)));
+    ivec3 blocks = ivec3((scene.dims + edge - 1u) / edge);
+    bool exists = all(lessThanEqual(at, blocks));
+    bool is_block = all(lessThan(at, blocks));
     uint bits = 0u;
-    // Where even the neighbours of a macrocell are empty, two cells into every octant, nothing about its voxels has extinction.
-    ivec3 macrocell = min(at, ivec3(scene.dims) - 1) / int(SKIP_SIZE);
+    uint active_voxels = 0u;
+    // Where even the neighbours of a macrocell are empty, two cells into every octant, nothing about its voxels has extinction:
+    // no node reaches farther than 2.5 voxels beyond its block, which is at most as large (MAX_LIGHT_EDGE).
+    ivec3 macrocell = min(at * int(edge), ivec3(scene.dims) - 1) / int(SKIP_SIZE);
     uint word = texelFetch(emptiness, macrocell, 0).r;
     bool is_far = ((word >> 1u | word >> 2u | word >> 3u) & 0x11111111u) == 0x11111111u;
     if (exists && !is_far) {
-        for (uint n = 0u; n < 27u; n++) {
-            ivec3 offset = ivec3(n % 3u, n / 3u % 3u, n / 9u) - 1;
-            ivec3 voxel = at + offset;
-            if (is_voxel(voxel) && texelFetch(field, voxel, 0).a > 0.0) {
-                bits |= 1u << LISTED_NODES;
-                bits |= offset == ivec3(0) ? 1u << LISTED_VOXELS : 0u;
-                bits |= all(lessThanEqual(offset, ivec3(0))) ? 1u << LISTED_CELLS : 0u;
-            }
+        ivec3 begin = at * int(edge);
+        // A cell ends half a block beyond where the block of its index begins, and so does the one after it.
+        vec3 half_block = vec3(0.5 * float(edge));
+        vec3 low = max(vec3(begin) - half_block, 0.0);
+        vec3 middle = vec3(begin) + half_block;
+        // Blocks at the volume's end may be cut before their middle.
+        bool has_cell = all(lessThan(low, vec3(scene.dims)));
+        if (has_cell && voxels_with_extinction(first_voxel(low), end_voxel(middle)) > 0u) {
+            bits |= 1u << LISTED_CELLS;
         }
-        bits &= is_voxel(at) ? ~0u : 1u << LISTED_CELLS;
+        if (is_block) {
+            if (voxels_with_extinction(first_voxel(low), end_voxel(middle + float(edge))) > 0u) {
+                bits |= 1u << LISTED_NODES;
+            }
+            active_voxels = voxels_with_extinction(begin, min(begin + int(edge), ivec3(scene.dims)));
+            bits |= active_voxels > 0u ? 1u << LISTED_VOXELS : 0u;
+        }
     }
-    uint found = subgroupAdd(bits >> LISTED_VOXELS & 1u);
-    if (subgroupElect() && found > 0u) {
-        atomicAdd(tally[0], found);
+    active_voxels = subgroupAdd(active_voxels);
+    if (subgroupElect() && active_voxels > 0u) {
+        atomicAdd(tally[0], active_voxels);
     }
     if (exists) {
         imageStore(marks, at, uvec4(bits));

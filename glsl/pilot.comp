@@ -54,24 +54,25 @@ void main() {
     uint draw = stream_key(number, PILOT_STREAM - 1u, scene.seed_low, scene.seed_high);
     uint index = list_items[number * part + draw % part];
     Cell cell = make_cell(cell_from_linear(index));
-    CornerScattering scattering = corner_scattering(scalar, cell);
+    CellScattering scattering = cell_scattering(scalar, cell);
     uint key = stream_key(index, PILOT_STREAM + replicate, scene.seed_low, scene.seed_high);
     vec2 shift = lattice_shift(key);
     uint flip = point_flip(key);
     float energies = 0.0;
     PilotSample found = PilotSample(vec3(0.0), vec3(0.0), vec3(0.0), 0u, 0u);
     for (uint slot = 0u; slot < directions; slot++) {
-        vec3 place = point_place(cell, point_of_sample(slot, flip));
+        uint point = point_of_sample(slot, flip);
+        vec3 place = point_place(cell, point);
         vec3 towards = lattice_direction(slot, directions, shift);
         vec3 radiance = traced_radiance(make_ray(position_of(cell, place), towards, step_voxels), towards, 0u);
         float energy = estimated_energy(make_ray(position_of(cell, vec3(0.5)), towards, proxy_step_voxels));
-        vec3 scattered = scattering_at(scattering, upper_weight(cell, place)) / float(directions);
+        vec3 scattered = scattering_at(scattering, cell, point) / float(directions);
         found.traced += radiance * scattered;
         found.residual += (radiance - energy) * scattered;
         energies += energy / float(directions);
     }
     for (uint point = 0u; point < CELL_POINTS; point++) {
-        vec3 scattered = scattering_at(scattering, upper_weight(cell, point_place(cell, point)));
+        vec3 scattered = scattering_at(scattering, cell, point);
         found.base += energies * scattered / float(CELL_POINTS);
     }
     found.traced_steps = traced_steps;

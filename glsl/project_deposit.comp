@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Deposit: adds the samples of a chunk of cells to the projection's right-hand side, b_i = ∫ v_i σ_s L dx over the hat
-// functions v_i of the voxels (project_solve.comp). One corner of every cell per dispatch: then no two invocations meet
-// in a voxel.
+// functions v_i of the nodes (project_solve.comp). One corner of every cell per dispatch: then no two invocations meet
+// in a node.
 //
 // Radiance arrives from many directions; stored are its first two moments (DESIGN section 2, "Direction dependence"):
 //     source towards ω = σ (A + B·ω),  σ A = σ_s mean L,  σ B = 3 g σ_s mean(L ω_i),  ω_i and ω propagation directions,
@@ -46,8 +46,8 @@ void main() {
         return;
     }
     Cell cell = make_cell(cell_from_linear(list_items[chunk_begin + item]));
-    ivec3 voxel = corner_voxel(cell, corner);
-    if (!is_voxel(voxel)) {
+    ivec3 node = corner_node(cell, corner);
+    if (!is_node(node)) {
         return;
     }
     vec3 a = vec3(0.0);
@@ -75,16 +75,16 @@ void main() {
     if (EYE) {
         needs_a = MOMENTS;
         if (is_seen != 0u) {
-            imageStore(sum_eye, voxel, imageLoad(sum_eye, voxel) + vec4(eye * volume, 0.0));
+            imageStore(sum_eye, node, imageLoad(sum_eye, node) + vec4(eye * volume, 0.0));
         }
     }
     if (MOMENTS) {
         float b = 3.0 * scene.g * volume;
-        imageStore(sum_x, voxel, imageLoad(sum_x, voxel) + vec4(x * b, 0.0));
-        imageStore(sum_y, voxel, imageLoad(sum_y, voxel) + vec4(y * b, 0.0));
-        imageStore(sum_z, voxel, imageLoad(sum_z, voxel) + vec4(z * b, 0.0));
+        imageStore(sum_x, node, imageLoad(sum_x, node) + vec4(x * b, 0.0));
+        imageStore(sum_y, node, imageLoad(sum_y, node) + vec4(y * b, 0.0));
+        imageStore(sum_z, node, imageLoad(sum_z, node) + vec4(z * b, 0.0));
     }
     if (needs_a) {
-        imageStore(sum_a, voxel, imageLoad(sum_a, voxel) + vec4(a * volume, 0.0));
+        imageStore(sum_a, node, imageLoad(sum_a, node) + vec4(a * volume, 0.0));
     }
 }

@@ -1,11 +1,11 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Solve: one step towards the values u at the voxels for which σ Σ_j v_j u_j is the σ_s L that was sampled, in the
-// least-squares sense with weight 1/σ (v_j: the voxels' hat functions). The normal equations are
+// Solve: one step towards the values u at the nodes (cell.glsl) for which σ Σ_j v_j u_j is the σ_s L that was sampled, in the
+// least-squares sense with weight 1/σ (v_j: the nodes' hat functions). The normal equations are
 //     Σ_j M_ij u_j = b_i,  M_ij = ∫ σ v_i v_j dx,  b_i = ∫ v_i σ_s L dx  (project_deposit.comp),
 // integrated over the cells' own points, so that a constant is met exactly whatever the points. The first step gives
 // u = b_i / Σ_j M_ij; the others are Richardson's with Chebyshev's factors: D⁻¹M, D = Σ_j M_ij, has eigenvalues in (0, 1].
-// Grid: one invocation per voxel of a chunk of the list.
+// Grid: one invocation per node of a chunk of the list.
 #define LIST_BINDING 1
 #define SCENE_COPIED
 #include "include/list.glsl"
@@ -13,13 +13,19 @@
 
 layout(local_size_x_id = 0) in;
 
+// Cells are larger than voxels: extinction is not trilinear in them.
+layout(constant_id = 1) const bool COARSE = false;
+
 layout(set = 0, binding = 3) uniform sampler3D sums;
-// rgb = u of the step before (nothing before the first step), a = extinction.
+// rgb = u of the step before (nothing before the first step), a = extinction where nodes are voxels.
 layout(set = 0, binding = 4) uniform sampler3D before;
+// The same of this step. Where COARSE, a = 1 for nodes that have a value, 0 where all of their cells' points miss the medium.
 layout(set = 0, binding = 5, rgba16f) writeonly uniform image3D after;
 layout(set = 0, binding = 6, rgba16f) uniform image3D total;
 // Solved before: light that enters every order.
 layout(set = 0, binding = 7) uniform sampler3D fixed_light;
+// a = extinction, where COARSE.
+layout(set = 0, binding = 8) uniform sampler3D field;
 
 layout(push_constant, scalar) uniform ProjectSolvePush {
     uint chunk_begin;
@@ -39,16 +45,18 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    ivec3 voxel = ivec3(voxel_from_linear(list_items[chunk_begin + item]));
+    uint index = list_items[chunk_begin + item];
+    uint line = index / scene.light_dims.x;
+    ivec3 node = ivec3(index - line * scene.light_dims.x, line % scene.light_dims.y, line / scene.light_dims.y);
     // Row i of M times u, and times 1.
     vec3 product = vec3(0.0);
     float row = 0.0;
     for (uint neighbour = 0u; neighbour < 8u; neighbour++) {
-        Cell cell = make_cell(voxel + ivec3(upper_bits(neighbour)));
+        Cell cell = make_cell(node + ivec3(upper_bits(neighbour)));
         vec4 at[8];
         for (uint corner = 0u; corner < 8u; corner++) {
-            ivec3 v = clamp(corner_voxel(cell, corner), ivec3(0), ivec3(scene.dims) - 1);
-            at[corner] = texelFetch(before, v, 0);
+            ivec3 corner_at = clamp(corner_node(cell, corner), ivec3(0), ivec3(scene.light_dims) - 1);
+            at[corner] = texelFetch(before, corner_at, 0);
         }
         // From corners to points, one axis after another: the points form a grid.
         vec3 low = upper_weight(cell, point_place(cell, 0u));
@@ -63,30 +71,39 @@ void main() {
                 at[k | bit] = mix(a, b, high[axis]);
             }
         }
-        // The voxel is the corner opposite to the cell's place among its neighbours.
+        // The node is the corner opposite to the cell's place among its neighbours.
         bvec3 own = not(upper_bits(neighbour));
         vec3 own_low = mix(1.0 - low, low, own);
         vec3 own_high = mix(1.0 - high, high, own);
         float part = cell.size.x * cell.size.y * cell.size.z / float(CELL_POINTS);
         for (uint point = 0u; point < CELL_POINTS; point++) {
             vec3 w = mix(own_low, own_high, upper_bits(point));
-            float weight = part * w.x * w.y * w.z * at[point].a;
+            float extinction = at[point].a;
+            if (COARSE) {
+                vec3 position = position_of(cell, point_place(cell, point));
+                extinction = textureLod(field, position / vec3(scene.dims), 0.0).a;
+            }
+            float weight = part * w.x * w.y * w.z * extinction;
             row += weight;
             product += weight * at[point].rgb;
         }
     }
-    vec4 old = texelFetch(before, voxel, 0);
-    vec3 sum = texelFetch(sums, voxel, 0).rgb;
+    vec4 old = texelFetch(before, node, 0);
+    vec3 sum = texelFetch(sums, node, 0).rgb;
     vec3 u = vec3(0.0);
     if (row > 0.0) {
         u = is_first != 0u ? sum / row : old.rgb + factor * (sum - product) / row;
     }
     if (adds != 0u) {
-        vec4 seen = imageLoad(total, voxel);
-        imageStore(total, voxel, vec4(clamp(seen.rgb + u, -MAX_HALF, MAX_HALF), seen.a));
+        vec4 seen = imageLoad(total, node);
+        imageStore(total, node, vec4(clamp(seen.rgb + u, -MAX_HALF, MAX_HALF), seen.a));
     }
     if (joins != 0u) {
-        u += texelFetch(fixed_light, voxel, 0).rgb;
+        u += texelFetch(fixed_light, node, 0).rgb;
     }
-    imageStore(after, voxel, vec4(clamp(u, -MAX_HALF, MAX_HALF), old.a));
+    float kept = old.a;
+    if (COARSE) {
+        kept = row > 0.0 ? 1.0 : 0.0;
+    }
+    imageStore(after, node, vec4(clamp(u, -MAX_HALF, MAX_HALF), kept));
 }

@@ -4,7 +4,6 @@
 // misses costs noise, no bias.
 // Grid: x, y = rays of a band of rows, `rays` x `rays` per pixel.
 #define SCENE_COPIED
-#include "include/cell.glsl"
 #include "include/march.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -40,8 +39,9 @@ void main() {
         vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
         float sigma = textureLod(field, p / vec3(scene.dims), 0.0).a;
         if (sigma > 0.0) {
-            // Cell c spans c − 0.5 to c + 0.5.
-            imageAtomicOr(marks, clamp(ivec3(floor(p + 0.5)), ivec3(0), ivec3(scene.dims)), 1u << LISTED_SEEN);
+            // Cell c spans c − 0.5 to c + 0.5 blocks.
+            vec3 cell = floor(p / float(scene.light_edge) + 0.5);
+            imageAtomicOr(marks, clamp(ivec3(cell), ivec3(0), ivec3(scene.light_dims)), 1u << LISTED_SEEN);
         }
         tau += sigma * scene.max_extinction * stride;
         t += steps_ahead(ray, p) * ray.dt;

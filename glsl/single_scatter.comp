@@ -43,7 +43,7 @@ void main() {
     }
     uint index = list_items[chunk_begin + item];
     Cell cell = make_cell(cell_from_linear(index));
-    CornerScattering scattering = corner_scattering(scalar, cell);
+    CellScattering scattering = cell_scattering(scalar, cell);
     uint key = stream_key(index, 1u, scene.seed_low, scene.seed_high);
     uint flip = uint(random_float(key, 2u) * float(CELL_POINTS));
     uint slot = item;
@@ -55,7 +55,7 @@ void main() {
         LightArrival light = light_at(lights[l], world_from_index(position));
         float t = transmittance(field, make_ray(position, -light.travel, step_voxels), light.reach);
         float weight = t * scene.radiance_scale / (4.0 * PI * float(LIGHT_POINTS));
-        vec3 scattered = scattering_at(scattering, upper_weight(cell, place)) * light.irradiance * weight;
+        vec3 scattered = scattering_at(scattering, cell, point) * light.irradiance * weight;
         samples[slot] = ScatterSample(scattered, light.travel, point);
         slot += chunk_items;
     }
@@ -67,7 +67,7 @@ void main() {
             EnvironmentSample s = sample_environment(i, environment_directions, shift);
             Ray ray = make_ray(position_of(cell, place), s.direction, step_voxels);
             float weight = transmittance(field, ray, 3.0e38) * s.weight * scene.radiance_scale / (4.0 * PI);
-            vec3 scattered = scattering_at(scattering, upper_weight(cell, place)) * s.radiance * weight;
+            vec3 scattered = scattering_at(scattering, cell, point) * s.radiance * weight;
             samples[slot] = ScatterSample(scattered, -s.direction, point);
             slot += chunk_items;
         }

@@ -102,6 +102,8 @@ pub struct SceneParams {
     pub index_of_z: [f32; 3],
     pub index_of_origin: [f32; 3],
     pub dims: [u32; 3],
+    pub light_edge: u32,
+    pub light_dims: [u32; 3],
     pub transfer_points: u32,
     pub eye: [f32; 3],
     pub forward: [f32; 3],
@@ -182,6 +184,26 @@ pub struct CompactPush {
     pub first: u32,
     /// Indices of the range.
     pub count: u32,
+    /// Voxels along the edge of a block.
+    pub edge: u32,
+}
+
+/// `mark.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct MarkPush {
+    /// Voxels along the edge of a block.
+    pub edge: u32,
+}
+
+/// `spread.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SpreadPush {
+    /// 1: what is spread is added to the total.
+    pub adds: u32,
+    /// 1: light that was solved for before joins.
+    pub joins: u32,
 }
 
 /// `see.comp`.

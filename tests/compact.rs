@@ -10,15 +10,17 @@ use bodies::{CHUNK, Setup, cases, random_light, scene_of, scenes, texture};
 use common::gpu_test;
 use data::assert_same;
 use tyndall::cpu::compact::compact;
-use tyndall::passes::compact::{List, Listed, Marks};
+use tyndall::passes::compact::{Blocks, List, Listed, Marks};
+use tyndall::shaders::constants::MAX_LIGHT_EDGE;
 use tyndall::vk::Recorder;
 use tyndall::volume::Grid;
 
 const ALL: [Listed; 3] = [Listed::Cells, Listed::Nodes, Listed::Voxels];
 
 /// Indices that there are.
-fn count(dims: [u32; 3], listed: Listed) -> u32 {
-    dims.map(|d| if matches!(listed, Listed::Voxels | Listed::Nodes) { d } else { d + 1 }).iter().product()
+fn count(blocks: Blocks, listed: Listed) -> u32 {
+    let counts = if matches!(listed, Listed::Voxels | Listed::Nodes) { blocks.dims } else { blocks.cells() };
+    counts.iter().product()
 }
 
 #[test]
@@ -26,17 +28,25 @@ fn lists_agree_with_the_twin() {
     gpu_test(|ctx| {
         // Without see.comp nothing is seen.
         let all = [&ALL[..], &[Listed::SeenCells, Listed::HiddenCells]].concat();
-        for (name, scene) in scenes() {
-            let setup = Setup::new(ctx, &scene);
-            let (params, field) = (&setup.host.params, texture(ctx, &setup.field));
-            let nothing = vec![false; count(params.dims, Listed::Cells) as usize];
-            for &listed in &cases(all.clone()) {
-                let expected = compact(params, &field, &nothing, listed, 0, count(params.dims, listed));
-                assert_same(&format!("{name}, {listed:?}"), &setup.list(ctx, listed).1, &expected);
-                if listed == Listed::Voxels {
-                    assert_eq!(setup.marks.active_voxels(ctx).unwrap(), expected.len() as u64, "{name}");
+        for (name, mut scene) in scenes() {
+            let mut active = Vec::new();
+            for edge in 1..=MAX_LIGHT_EDGE {
+                scene.settings.light_grid = edge;
+                let setup = Setup::new(ctx, &scene);
+                let (params, field, blocks) =
+                    (&setup.host.params, texture(ctx, &setup.field), setup.data.light_blocks());
+                let nothing = vec![false; count(blocks, Listed::Cells) as usize];
+                for &listed in &cases(all.clone()) {
+                    let expected = compact(params, blocks, &field, &nothing, listed, 0, count(blocks, listed));
+                    let case = format!("{name}, blocks of {edge}, {listed:?}");
+                    assert_same(&case, &setup.list(ctx, listed).1, &expected);
                 }
+                // Voxels, whatever the blocks.
+                active.push(setup.marks.active_voxels(ctx).unwrap());
+                let is_active = |f: &&glam::Vec4| f.w > 0.0;
+                assert_eq!(active[0], field.texels.iter().filter(is_active).count() as u64, "{name}");
             }
+            assert!(active.iter().all(|&n| n == active[0]), "{name}: {active:?}");
         }
     });
 }
@@ -64,7 +74,7 @@ fn segments_and_chunks_leave_nothing_out() {
         // Several tiles of the scan.
         let grid = Grid::axis_aligned([29, 23, 31], [1.0; 3], [0.0; 3]);
         let setup = Setup::new(ctx, &scene_of(grid, bodies::random_values(3, 29 * 23 * 31)));
-        let params = &setup.host.params;
+        let (params, blocks) = (&setup.host.params, setup.data.light_blocks());
         let voxels = 29 * 23 * 31;
         for (listed, segment, chunk) in [
             (Listed::Voxels, None, CHUNK),
@@ -73,9 +83,9 @@ fn segments_and_chunks_leave_nothing_out() {
             (Listed::Voxels, Some(9000), 1000),
             (Listed::Cells, Some(4096), 4096),
         ] {
-            let expected = compact(params, &texture(ctx, &setup.field), &[], listed, 0, count(params.dims, listed));
+            let expected = compact(params, blocks, &texture(ctx, &setup.field), &[], listed, 0, count(blocks, listed));
             assert!(expected.len() > 10_000);
-            let mut list = List::new(ctx, &setup.data, listed, chunk, segment).unwrap();
+            let mut list = List::new(ctx, blocks, listed, chunk, segment).unwrap();
             let mut rec = Recorder::new(ctx).unwrap();
             list.record(&mut rec, &setup.data, &setup.marks);
             rec.submit_and_wait().unwrap();
@@ -100,8 +110,9 @@ fn light_without_extinction_is_not_listed() {
         for (i, texel) in light.texels.iter_mut().enumerate() {
             texel.w = [0.0, 5.96e-8, 1.0][i % 3];
         }
-        let marks = Marks::new(ctx, [5, 4, 3]).unwrap();
-        let mut list = List::new(ctx, &setup.data, Listed::Voxels, CHUNK, None).unwrap();
+        let blocks = setup.data.light_blocks();
+        let marks = Marks::new(ctx, blocks).unwrap();
+        let mut list = List::new(ctx, blocks, Listed::Voxels, CHUNK, None).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         marks.record(&mut rec, &setup.data, &bodies::image(ctx, "light", &light), &setup.emptiness);
         list.record(&mut rec, &setup.data, &marks);

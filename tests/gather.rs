@@ -74,15 +74,15 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     let pass = Gather::new(ctx, &setup.data, config, CHUNK, what).unwrap();
     let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true, LightFor::View).unwrap();
     let (list, cells) = setup.list(ctx, Listed::Cells);
-    let (nodes, _) = setup.list(ctx, Listed::Nodes);
+    let voxels = setup.voxels(ctx);
     let mut rec = Recorder::new(ctx).unwrap();
     projection.record_clear_all(&mut rec);
     rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
-    let [cell_args, node_args] = [&list, &nodes].map(|list| list.chunk_args(ctx, &mut rec, 1).unwrap());
+    let [cell_args, voxel_args] = [&list, &voxels].map(|list| list.chunk_args(ctx, &mut rec, 1).unwrap());
     let args = pass.args(ctx, &mut rec, &list, 1.0).unwrap();
     if let Some(proxy) = &proxy {
         proxy.record_clear(&mut rec);
-        proxy.record(&mut rec, &setup.data, &nodes, &node_args, &source.a, ORDER);
+        proxy.record(&mut rec, &setup.data, &voxels, &voxel_args, &source.a, ORDER);
     }
     let scattering = Scattering {
         scene: &setup.data,
@@ -119,7 +119,8 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     };
     let is_used = |s: &&ScatterSample| s.light != [0.0; 3];
     let samples = transposed(&ctx.read_back(projection.samples()).unwrap(), items);
-    let small = |i: &Image| i.extent() != dims;
+    let nodes = setup.host.params.light_dims;
+    let small = |i: &Image| i.extent() != nodes;
     Ran {
         source: [&source.a, &source.b[0], &source.b[1], &source.b[2]].map(|i| texture(ctx, i)),
         samples: samples
@@ -129,9 +130,9 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
         sums: std::array::from_fn(|i| {
             let image = &projection.sums()[i];
             if small(image) {
-                return Texture::filled(dims, Vec4::ZERO);
+                return Texture::filled(nodes, Vec4::ZERO);
             }
-            Texture::new(dims, ctx.read_back_image(image).unwrap())
+            Texture::new(nodes, ctx.read_back_image(image).unwrap())
         }),
         weights,
         chosen,
@@ -159,7 +160,7 @@ fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32)
     let expected =
         cpu::gather::gather_trace(host, &g.cells, carried, &g.chosen, ORDER, lattice, config.step, g.for_eye);
     let case = format!("{name}, {:?}, g {}, {what:?} {light}", config.sampling, host.params.g);
-    let mut sums = Sums::zero(host.params.dims);
+    let mut sums = Sums::zero(host.params.light_dims);
     if config.sampling == Sampling::Residual {
         let energies: Vec<_> = g.weights.iter().map(|w| w[config.directions as usize..].to_vec()).collect();
         let base = cpu::gather::gather_base(host, &g.cells, &energies, ORDER, g.for_eye);
@@ -300,6 +301,23 @@ fn both_levels_of_residual_agree_with_the_twin() {
             scene.g = [0.0, 0.6][i % 2];
             scene.environment = [constant_sky(), scene.environment][i / 2 % 2].clone();
             check(ctx, name, &scene, config);
+        }
+    });
+}
+
+/// Cells of larger blocks: their points scatter by the voxels around them.
+#[test]
+fn blocks_agree_with_the_twin() {
+    gpu_test(|ctx| {
+        for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
+            scene.settings.light_grid = 2 + i as u32 % 3;
+            for (g, sampling) in
+                cases(vec![(0.0, Sampling::Phase), (0.6, Sampling::Residual), (0.0, Sampling::Residual)])
+            {
+                scene.g = g;
+                let config = GatherConfig { sampling, ..CONFIG };
+                check(ctx, &format!("{name}, blocks of {}", scene.settings.light_grid), &scene, config);
+            }
         }
     });
 }

@@ -34,15 +34,15 @@ fn pilot(ctx: &Context, scene: &Scene, steps: [f32; 2]) -> Ran {
     let proxy = Proxy::new(ctx, &setup.data, config).unwrap();
     let pass = Pilot::new(ctx, &setup.data, DIRECTIONS, steps).unwrap();
     let (list, cells) = setup.list(ctx, Listed::Cells);
-    let (nodes, _) = setup.list(ctx, Listed::Nodes);
+    let voxels = setup.voxels(ctx);
     if cells.is_empty() {
         assert_eq!(Pilot::cells(&list), 0);
         return Ran { device: [vec![], vec![]], twin: [vec![], vec![]] };
     }
     let mut rec = Recorder::new(ctx).unwrap();
-    let node_args = nodes.chunk_args(ctx, &mut rec, 1).unwrap();
+    let voxel_args = voxels.chunk_args(ctx, &mut rec, 1).unwrap();
     proxy.record_clear(&mut rec);
-    proxy.record(&mut rec, &setup.data, &nodes, &node_args, &source.a, 2);
+    proxy.record(&mut rec, &setup.data, &voxels, &voxel_args, &source.a, 2);
     pass.record(&mut rec, &setup.data, &setup.emptiness.image, &list, &proxy, &source);
     rec.submit_and_wait().unwrap();
 
@@ -62,6 +62,7 @@ fn the_pilot_finds_what_the_twin_finds() {
     gpu_test(|ctx| {
         for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
             scene.g = [0.0, 0.6][i % 2];
+            scene.settings.light_grid = [1, 1, 3][i % 3];
             if i / 2 % 2 == 0 {
                 scene.environment = Some(Environment::Constant(Vec3::new(2.0, 1.0, 3.0)));
             }

@@ -59,8 +59,8 @@ impl Bench {
         let data = SceneData::new(ctx, &scene_of_size(dims)).unwrap();
         Self {
             // Chunks so small that every test has several.
-            list: List::new(ctx, &data, Listed::Nodes, 1024, None).unwrap(),
-            marks: Marks::new(ctx, dims).unwrap(),
+            list: List::new(ctx, data.light_blocks(), Listed::Nodes, 1024, None).unwrap(),
+            marks: Marks::new(ctx, data.light_blocks()).unwrap(),
             emptiness: Emptiness::for_rays(ctx, dims).unwrap(),
             field: ctx.image_3d("field", dims, ImageFormat::Rgba16Float).unwrap(),
             proxy: Proxy::new(ctx, &data, config).unwrap(),

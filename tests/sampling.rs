@@ -291,6 +291,33 @@ fn a_split_list_of_cells_changes_nothing_but_rounding() {
     });
 }
 
+/// Light in larger blocks is a little blurred, and as bright; with the proxy too, which keeps to voxels. The eye sees more
+/// noise.
+#[test]
+fn a_coarse_light_grid_is_as_bright() {
+    if skips_statistics("a_coarse_light_grid_is_as_bright") {
+        return;
+    }
+    gpu_test(|ctx| {
+        for (sampling, g) in [(Sampling::Phase, 0.0), (Sampling::Residual, 0.0), (Sampling::Phase, 0.5)] {
+            let set = |edge| {
+                let mut scene = scene(21, sampling, "candidates = 24\ndirections = 12");
+                (scene.settings.light_grid, scene.g) = (edge, g);
+                pictures(ctx, &scene, NORMAL, 0..6)
+            };
+            let brightness = |pictures: &[Picture]| pictures.iter().map(mean).sum::<f64>() / pictures.len() as f64;
+            let fine = set(1);
+            for edge in [2, 3] {
+                let coarse = set(edge);
+                let ratio = brightness(&coarse) / brightness(&fine);
+                println!("{sampling:?}, g {g}, blocks of {edge}: {ratio}, {} {}", variance(&coarse), variance(&fine));
+                assert!((ratio - 1.0).abs() < 0.02, "{sampling:?}, g {g}, blocks of {edge}: {ratio} times as bright");
+                assert!(variance(&coarse) > 1.1 * variance(&fine), "{sampling:?}: as little noise with fewer cells");
+            }
+        }
+    });
+}
+
 #[test]
 fn a_proxy_with_too_little_room_gets_coarser_and_costs_only_noise() {
     if skips_statistics("a_proxy_with_too_little_room_gets_coarser_and_costs_only_noise") {

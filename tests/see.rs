@@ -27,7 +27,7 @@ fn seen_and_hidden(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 2] {
         pass.record(&mut rec, &setup.data, &setup.field, &setup.emptiness.image, &setup.marks, rows);
     }
     let mut lists = [Listed::SeenCells, Listed::HiddenCells]
-        .map(|listed| List::new(ctx, &setup.data, listed, CHUNK, None).unwrap());
+        .map(|listed| List::new(ctx, setup.data.light_blocks(), listed, CHUNK, None).unwrap());
     for list in &lists {
         list.record(&mut rec, &setup.data, &setup.marks);
     }
@@ -44,12 +44,15 @@ fn seen_and_hidden(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 2] {
 fn seen_cells_agree_with_the_twin() {
     gpu_test(|ctx| {
         let mut seen_at_all = 0;
-        for (name, scene) in cases(scenes()) {
+        let all = scenes().into_iter().flat_map(|s| [1, 3].map(|edge| (edge, s.clone()))).collect();
+        for (edge, (name, mut scene)) in cases::<(u32, _)>(all) {
+            scene.settings.light_grid = edge;
             let setup = Setup::new(ctx, &scene);
             let (params, field) = (&setup.host.params, texture(ctx, &setup.field));
-            let count = params.dims.map(|d| d + 1).iter().product();
+            let blocks = setup.data.light_blocks();
+            let count = blocks.cells().iter().product();
             let list = |listed| -> BTreeSet<u32> {
-                compact(params, &field, &see(params, &field), listed, 0, count).into_iter().collect()
+                compact(params, blocks, &field, &see(params, &field), listed, 0, count).into_iter().collect()
             };
             let [seen, hidden] = seen_and_hidden(ctx, &setup);
             assert_eq!(&seen | &hidden, list(Listed::Cells), "{name}");

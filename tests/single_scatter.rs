@@ -105,6 +105,16 @@ fn delta_lights_agree_with_the_twin() {
 }
 
 #[test]
+fn blocks_agree_with_the_twin() {
+    gpu_test(|ctx| {
+        for (i, (name, mut scene)) in scenes().into_iter().enumerate() {
+            scene.settings.light_grid = 2 + i as u32 % 3;
+            check(ctx, &format!("{name}, blocks of {}", scene.settings.light_grid), &scene);
+        }
+    });
+}
+
+#[test]
 fn the_environment_agrees_with_the_twin() {
     gpu_test(|ctx| {
         for (name, mut scene) in scenes() {

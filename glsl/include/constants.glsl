@@ -53,9 +53,11 @@ const uint CELL_SIZE = 8u;
 const uint SKIP_SIZE = 4u;
 // Word of a list's header: the number of items in the list.
 const uint LIST_COUNT = 0u;
-// LISTED: voxels with extinction.
+// Most voxels along the edge of a block of the light grid: mark.comp looks no farther than the next macrocell.
+const uint MAX_LIGHT_EDGE = 4u;
+// LISTED: voxels with extinction; of larger blocks, those that have such voxels.
 const uint LISTED_VOXELS = 0u;
-// LISTED: voxels that are a corner of a cell with extinction.
+// LISTED: nodes that are a corner of a cell with extinction.
 const uint LISTED_NODES = 1u;
 // LISTED: cells with extinction.
 const uint LISTED_CELLS = 2u;

@@ -19,6 +19,9 @@ struct SceneParams {
     vec3 index_of_origin;
     // Voxels along x, y, z.
     uvec3 dims;
+    // Light is computed and solved for in blocks of this many voxels along their edges, and so many of them (cell.glsl).
+    uint light_edge;
+    uvec3 light_dims;
     // Points of the transfer function.
     uint transfer_points;
     // Camera in the world; right and up are scaled to the half extents of the picture at distance 1.

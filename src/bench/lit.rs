@@ -34,13 +34,15 @@ impl Lit {
     /// Errors: nothing in the medium has extinction, or no light reaches it.
     pub fn new(ctx: &Context, mut scene: Scene) -> Result<Self> {
         scene.g = 0.0;
+        scene.settings.light_grid = 1;
         let data = SceneData::new(ctx, &scene)?;
         let dims = data.params.dims;
         let field = ctx.image_3d("field", dims, ImageFormat::Rgba16Float)?;
         let emptiness = Emptiness::for_rays(ctx, dims)?;
-        let marks = Marks::new(ctx, dims)?;
-        let mut cells = List::new(ctx, &data, Listed::Cells, CHUNK, None)?;
-        let mut nodes = List::new(ctx, &data, Listed::Nodes, CHUNK, None)?;
+        let blocks = data.light_blocks();
+        let marks = Marks::new(ctx, blocks)?;
+        let mut cells = List::new(ctx, blocks, Listed::Cells, CHUNK, None)?;
+        let mut nodes = List::new(ctx, blocks, Listed::Nodes, CHUNK, None)?;
         let mut rec = Recorder::new(ctx)?;
         Classify::new(ctx, Emitted::Nothing)?.record(&mut rec, &data, &field);
         emptiness.record(&mut rec, &data, &field);

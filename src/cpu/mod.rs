@@ -27,4 +27,5 @@ pub mod scene;
 pub mod see;
 pub mod single_scatter;
 pub mod sphere;
+pub mod spread;
 pub mod texture;

@@ -10,11 +10,12 @@ use crate::shaders::constants::{CELL_POINTS, CELL_STREAM};
 use glam::{IVec3, UVec3, Vec3, Vec4};
 use std::f32::consts::PI;
 
-/// A cell: the eight voxel centres `index` − 1 + {0, 1}³ and what is between them, cut to the volume.
+/// A cell: the eight nodes `index` − 1 + {0, 1}³ and what is between them, cut to the volume.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
     index: UVec3,
-    dims: UVec3,
+    nodes: UVec3,
+    edge: f32,
     low: Vec3,
     size: Vec3,
     shift: Vec3,
@@ -28,25 +29,25 @@ fn upper_bits(corner: u32) -> UVec3 {
 impl Cell {
     /// The cell of a linear index.
     pub fn from_linear(scene: &SceneParams, i: u32) -> Self {
-        let [x, y, _] = scene.dims.map(|d| d + 1);
+        let [x, y, _] = scene.light_dims.map(|d| d + 1);
         Self::new(scene, UVec3::new(i % x, i / x % y, i / x / y))
     }
 
     /// The cell at `index`.
     pub fn new(scene: &SceneParams, index: UVec3) -> Self {
-        let dims = UVec3::from(scene.dims);
-        let low = (index.as_vec3() - 0.5).max(Vec3::ZERO);
-        let high = (index.as_vec3() + 0.5).min(dims.as_vec3());
-        let linear = (index.z * (dims.y + 1) + index.y) * (dims.x + 1) + index.x;
+        let (nodes, edge) = (UVec3::from(scene.light_dims), scene.light_edge as f32);
+        let low = ((index.as_vec3() - 0.5) * edge).max(Vec3::ZERO);
+        let high = ((index.as_vec3() + 0.5) * edge).min(UVec3::from(scene.dims).as_vec3());
+        let linear = (index.z * (nodes.y + 1) + index.y) * (nodes.x + 1) + index.x;
         let key = stream_key(linear, CELL_STREAM, scene.seed_low, scene.seed_high);
         let shift = Vec3::from([0, 1, 2].map(|n| random_float(key, n)));
-        Self { index, dims, low, size: high - low, shift }
+        Self { index, nodes, edge, low, size: (high - low).max(Vec3::ZERO), shift }
     }
 
-    /// Voxel at a corner, if there is one.
-    pub fn corner_voxel(&self, corner: u32) -> Option<UVec3> {
-        let voxel = self.index.as_ivec3() - 1 + upper_bits(corner).as_ivec3();
-        (voxel.cmpge(IVec3::ZERO).all() && voxel.cmplt(self.dims.as_ivec3()).all()).then(|| voxel.as_uvec3())
+    /// Node at a corner, if there is one.
+    pub fn corner_node(&self, corner: u32) -> Option<UVec3> {
+        let node = self.index.as_ivec3() - 1 + upper_bits(corner).as_ivec3();
+        (node.cmpge(IVec3::ZERO).all() && node.cmplt(self.nodes.as_ivec3()).all()).then(|| node.as_uvec3())
     }
 
     /// Place of a point within the cell, 0 to 1.
@@ -69,40 +70,46 @@ impl Cell {
         self.size.element_product()
     }
 
-    /// Weight of a corner's voxel at a point.
+    /// Weight of a corner's node at a point.
     pub fn weight(&self, point: u32, corner: u32) -> f32 {
-        let (place, bits) = (self.place(point), upper_bits(corner));
+        let (position, bits) = (self.position(point), upper_bits(corner));
         let along = |axis: usize| {
             let upper = match self.index[axis] {
                 0 => 1.0,
-                i if i == self.dims[axis] => 0.0,
-                _ => place[axis],
+                i if i == self.nodes[axis] => 0.0,
+                i => position[axis] / self.edge + 0.5 - i as f32,
             };
             if bits[axis] == 1 { upper } else { 1.0 - upper }
         };
         along(0) * along(1) * along(2)
     }
 
-    /// What a function that is trilinear between the voxels has at a point; `of` gives it at a voxel.
+    /// What a function that is trilinear between the nodes has at a point; `of` gives it at a node.
     pub fn interpolate(&self, point: u32, of: impl Fn(UVec3) -> Vec4) -> Vec4 {
-        let at = |corner| self.corner_voxel(corner).map_or(Vec4::ZERO, |voxel| self.weight(point, corner) * of(voxel));
+        let at = |corner| self.corner_node(corner).map_or(Vec4::ZERO, |node| self.weight(point, corner) * of(node));
         (0..8).map(at).sum()
     }
 
     /// σ_s per channel at a point, relative to the largest extinction.
     pub fn scattering(&self, scene: &HostScene, point: u32) -> Vec3 {
         let s = &scene.params;
-        let of = |voxel| {
+        let from_centre = self.position(point) - 0.5;
+        let low = from_centre.floor();
+        let of_corner = |corner| {
+            let bits = upper_bits(corner).as_vec3();
+            let voxel = (low + bits).max(Vec3::ZERO).as_uvec3().min(UVec3::from(s.dims) - 1);
             let m = classify(s, &scene.points, scene.scalar.fetch(voxel));
-            (Vec3::from(albedo_of(s, &m)) * (m.extinction / s.max_extinction)).extend(0.0)
+            let upper = from_centre - low;
+            let weight = (bits * upper + (1.0 - bits) * (1.0 - upper)).element_product();
+            weight * Vec3::from(albedo_of(s, &m)) * (m.extinction / s.max_extinction)
         };
-        self.interpolate(point, of).truncate()
+        (0..8).map(of_corner).sum()
     }
 }
 
 /// Indices of the cells of a volume.
 fn cells(scene: &SceneParams) -> impl Iterator<Item = UVec3> {
-    let [nx, ny, nz] = scene.dims.map(|d| d + 1);
+    let [nx, ny, nz] = scene.light_dims.map(|d| d + 1);
     (0..nz).flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| UVec3::new(x, y, z))))
 }
 
@@ -145,32 +152,32 @@ pub fn project_deposit(
             let travel = Vec3::from(sample.travel);
             let to_eye = direction_to_eye(scene, cell.position(sample.point));
             for corner in 0..8 {
-                let Some(voxel) = cell.corner_voxel(corner) else { continue };
+                let Some(node) = cell.corner_node(corner) else { continue };
                 let light = Vec3::from(sample.light) * (cell.weight(sample.point, corner) * cell.volume());
-                *sums.a.texel_mut(voxel) += light.extend(0.0);
+                *sums.a.texel_mut(node) += light.extend(0.0);
                 for axis in 0..3 {
-                    *sums.b[axis].texel_mut(voxel) += (3.0 * scene.g * travel[axis] * light).extend(0.0);
+                    *sums.b[axis].texel_mut(node) += (3.0 * scene.g * travel[axis] * light).extend(0.0);
                 }
                 if is_seen {
                     let phase = 4.0 * PI * phase_hg(scene.g, travel.dot(to_eye));
-                    *sums.eye.texel_mut(voxel) += (light * phase).extend(0.0);
+                    *sums.eye.texel_mut(node) += (light * phase).extend(0.0);
                 }
             }
         }
     }
 }
 
-/// M of the normal equations times `of` at every voxel: Σ_j ∫ σ v_i v_j dx `of`_j. `field` has σ.
+/// M of the normal equations times `of` at every node: Σ_j ∫ σ v_i v_j dx `of`_j. `field` has σ at the voxels.
 fn times_mass(scene: &SceneParams, field: &Texture<Vec4>, of: impl Fn(UVec3) -> Vec3) -> Texture<Vec4> {
-    let mut product = Texture::filled(scene.dims, Vec4::ZERO);
+    let mut product = Texture::filled(scene.light_dims, Vec4::ZERO);
     for index in cells(scene) {
         let cell = Cell::new(scene, index);
         for point in 0..CELL_POINTS {
-            let at = cell.interpolate(point, |voxel| of(voxel).extend(field.fetch(voxel).w));
-            let part = at.w * cell.volume() / CELL_POINTS as f32;
+            let at = cell.interpolate(point, |node| of(node).extend(0.0));
+            let part = field.sample(cell.position(point)).w * cell.volume() / CELL_POINTS as f32;
             for corner in 0..8 {
-                if let Some(voxel) = cell.corner_voxel(corner) {
-                    *product.texel_mut(voxel) += (at.truncate() * (part * cell.weight(point, corner))).extend(0.0);
+                if let Some(node) = cell.corner_node(corner) {
+                    *product.texel_mut(node) += (at.truncate() * (part * cell.weight(point, corner))).extend(0.0);
                 }
             }
         }
@@ -178,8 +185,8 @@ fn times_mass(scene: &SceneParams, field: &Texture<Vec4>, of: impl Fn(UVec3) -> 
     product
 }
 
-/// Solves for the values at the voxels by the given factors of Richardson steps; `field` has σ, which the result keeps in
-/// its fourth component.
+/// Solves for the values at the nodes by the given factors of Richardson steps; `field` has σ. Where nodes are voxels the
+/// result keeps it in its fourth component; else that says 1 where a node has a value.
 pub fn project_solve(
     scene: &SceneParams,
     field: &Texture<Vec4>,
@@ -189,12 +196,14 @@ pub fn project_solve(
     let rows = times_mass(scene, field, |_| Vec3::ONE);
     let divided = |sum: Vec4, row: Vec4| if row.x > 0.0 { sum / row.x } else { Vec4::ZERO };
     let with_extinction = |values: Vec<Vec4>| {
-        let texels = values.iter().zip(&field.texels).map(|(v, f)| v.truncate().extend(f.w)).collect();
-        Texture::new(scene.dims, texels)
+        let has_value = |i: usize| if rows.texels[i].x > 0.0 { 1.0 } else { 0.0 };
+        let kept = |i: usize| if scene.light_edge == 1 { field.texels[i].w } else { has_value(i) };
+        let texels = values.iter().enumerate().map(|(i, v)| v.truncate().extend(kept(i))).collect();
+        Texture::new(scene.light_dims, texels)
     };
     let first = sums.texels.iter().zip(&rows.texels).map(|(s, r)| divided(*s, *r)).collect();
     factors.iter().fold(with_extinction(first), |u, factor| {
-        let product = times_mass(scene, field, |voxel| u.fetch(voxel).truncate());
+        let product = times_mass(scene, field, |node| u.fetch(node).truncate());
         let step = |i: usize| u.texels[i] + *factor * divided(sums.texels[i] - product.texels[i], rows.texels[i]);
         with_extinction((0..u.texels.len()).map(step).collect())
     })

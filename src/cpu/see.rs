@@ -12,7 +12,7 @@ const SEEN_TRANSMITTANCE: f32 = 1.0 / 16.0;
 
 /// By linear index of the cells: does the eye see it? `field` has the extinction.
 pub fn see(scene: &SceneParams, field: &Texture<Vec4>) -> Vec<bool> {
-    let counts = UVec3::from(scene.dims) + 1;
+    let counts = UVec3::from(scene.light_dims) + 1;
     let mut seen = vec![false; counts.element_product() as usize];
     let [width, height] = scene.size.map(|n| n * rays(scene.dims, scene.size));
     for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
@@ -25,7 +25,7 @@ pub fn see(scene: &SceneParams, field: &Texture<Vec4>) -> Vec<bool> {
             }
             let sigma = field.sample(p).w;
             if sigma > 0.0 {
-                let cell = (p + 0.5).floor().as_uvec3().min(UVec3::from(scene.dims));
+                let cell = (p / scene.light_edge as f32 + 0.5).floor().as_uvec3().min(UVec3::from(scene.light_dims));
                 seen[((cell.z * counts.y + cell.y) * counts.x + cell.x) as usize] = true;
             }
             tau += sigma * scene.max_extinction * stride;

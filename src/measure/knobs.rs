@@ -30,6 +30,8 @@ pub enum Knob {
     CameraStep,
     /// Step of proxy rays.
     ProxyStep,
+    /// Blocks that light is computed in.
+    LightGrid,
     /// Steps of the solution for stored light.
     ProjectionSteps,
     /// Share of `resample`'s draw that ignores the proxy.
@@ -147,6 +149,7 @@ impl Knob {
             Knob::GatherStep => floats(base.gather_step, step, &[2.0, 0.5], &|s, v| s.gather_step = v),
             Knob::CameraStep => floats(base.camera_step, step, &[2.0, 0.5], &|s, v| s.camera_step = v),
             Knob::ProxyStep => floats(base.proxy_step, step, &[2.0, 0.5], &|s, v| s.proxy_step = v),
+            Knob::LightGrid => (1..=3).map(|edge| with(&|s| s.light_grid = edge)).collect(),
             Knob::ProjectionSteps => {
                 let steps = |steps: &u32| with(&|s| s.projection_steps = *steps);
                 [4, 6, 12].iter().map(steps).collect()

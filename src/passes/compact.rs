@@ -1,4 +1,4 @@
-//! Lists of the voxels and cells that have to do with the medium (`glsl/mark.comp`, `glsl/compact.comp`), and kernels over
+//! Lists of the blocks of voxels and the cells that have to do with the medium (`glsl/mark.comp`, `glsl/compact.comp`), and kernels over
 //! them in chunks (`glsl/chunk_args.comp`).
 //!
 //! A volume may have more voxels than one storage buffer holds words, so a list is split: each segment lists a range of
@@ -9,7 +9,7 @@ use super::emptiness::Emptiness;
 use super::lookback::{self, Diagnostics};
 use super::scene_data::SceneData;
 use super::{LIST_WORKGROUP, order_compute};
-use crate::abi::{ChunkArgsPush, CompactPush};
+use crate::abi::{ChunkArgsPush, CompactPush, MarkPush};
 use crate::shaders::{self, constants};
 use crate::vk::{Access, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -19,14 +19,36 @@ use crate::{Error, Result};
 const WORKGROUP: u32 = 256;
 const ROWS: u32 = 8;
 
+/// The blocks that a volume is cut into: cubes of voxels, cut at its ends. Nodes are their middles, and cells lie between
+/// nodes (`glsl/include/cell.glsl`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Blocks {
+    /// Voxels along the edge of a block, 1 to `MAX_LIGHT_EDGE`.
+    pub edge: u32,
+    /// Blocks along x, y, z.
+    pub dims: [u32; 3],
+}
+
+impl Blocks {
+    /// Those of a volume of `voxels`.
+    pub fn of(voxels: [u32; 3], edge: u32) -> Self {
+        Self { edge, dims: voxels.map(|d| d.div_ceil(edge)) }
+    }
+
+    /// Cells along x, y, z.
+    pub fn cells(self) -> [u32; 3] {
+        self.dims.map(|d| d + 1)
+    }
+}
+
 /// What is in a list, by linear index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Listed {
-    /// Voxels with extinction.
+    /// Blocks with extinction: voxels, where these are blocks.
     Voxels,
-    /// Voxels at a corner of a cell with extinction: those with extinction and their 26 neighbours.
+    /// Nodes at a corner of a cell with extinction. Where blocks are voxels: those with extinction and their 26 neighbours.
     Nodes,
-    /// Cells with extinction at a corner (`glsl/include/cell.glsl`).
+    /// Cells with extinction.
     Cells,
     /// Of those, the ones that the eye sees ([`See`](super::see::See)).
     SeenCells,
@@ -34,19 +56,21 @@ pub enum Listed {
     HiddenCells,
 }
 
-/// Marks of all voxels and cells (`glsl/mark.comp`).
+/// Marks of all blocks, nodes and cells (`glsl/mark.comp`).
 pub struct Marks {
     pipeline: Pipeline,
+    blocks: Blocks,
     pub(super) image: Image,
     tally: Buffer<u32>,
 }
 
 impl Marks {
-    /// Marks for a volume of `dims` voxels.
-    pub fn new(ctx: &Context, dims: [u32; 3]) -> Result<Self> {
+    /// Marks for a volume's blocks.
+    pub fn new(ctx: &Context, blocks: Blocks) -> Result<Self> {
         Ok(Self {
             pipeline: Pipeline::new(ctx, &shaders::MARK, &[])?,
-            image: ctx.image_3d("marks", dims.map(|d| d + 1), ImageFormat::R32Uint)?,
+            blocks,
+            image: ctx.image_3d("marks", blocks.cells(), ImageFormat::R32Uint)?,
             tally: ctx.device_buffer("marks.tally", 1)?,
         })
     }
@@ -65,7 +89,7 @@ impl Marks {
             ("marks", self.image.storage()),
             ("tally", self.tally.bind()),
         ];
-        rec.dispatch(&self.pipeline, &binds, &(), voxel_grid(scene.params.dims.map(|d| d + 1)));
+        rec.dispatch(&self.pipeline, &binds, &MarkPush { edge: self.blocks.edge }, voxel_grid(self.blocks.cells()));
     }
 
     /// Voxels with extinction. Waits for the device.
@@ -76,6 +100,7 @@ impl Marks {
 
 /// A list.
 pub struct List {
+    edge: u32,
     segments: Vec<Segment>,
     chunk_items: u32,
     pipeline: Pipeline,
@@ -129,23 +154,22 @@ impl Chunk<'_> {
 }
 
 impl List {
-    /// Memory for a list of a volume, to be worked on in chunks of `chunk_items`. `segment_items` limits the indices of a
+    /// Memory for a list of a volume's blocks, to be worked on in chunks of `chunk_items`. `segment_items` limits the indices of a
     /// segment; `None`: as many as a storage buffer takes.
     ///
     /// Errors: the volume has more cells than 32 bits count, or memory runs out.
     pub fn new(
         ctx: &Context,
-        scene: &SceneData,
+        blocks: Blocks,
         listed: Listed,
         chunk_items: u32,
         segment_items: Option<u32>,
     ) -> Result<Self> {
-        let all: u64 = match listed {
-            Listed::Cells | Listed::SeenCells | Listed::HiddenCells => {
-                scene.params.dims.iter().map(|&d| u64::from(d) + 1).product()
-            }
-            Listed::Voxels | Listed::Nodes => scene.voxels(),
+        let counts = match listed {
+            Listed::Cells | Listed::SeenCells | Listed::HiddenCells => blocks.cells(),
+            Listed::Voxels | Listed::Nodes => blocks.dims,
         };
+        let all: u64 = counts.iter().map(|&count| u64::from(count)).product();
         if all > u64::from(u32::MAX) {
             return Err(Error::input("volume", format!("{all} cells are too many"), "resample it to fewer voxels"));
         }
@@ -175,6 +199,7 @@ impl List {
         };
         let specialization = [&lookback_constants(ctx)[..], &[("LISTED", kind)]].concat();
         Ok(Self {
+            edge: blocks.edge,
             segments,
             chunk_items,
             pipeline: Pipeline::new(ctx, &shaders::COMPACT, &specialization)?,
@@ -184,7 +209,7 @@ impl List {
         })
     }
 
-    /// Lists what is marked. Ordered after all compute accesses before; ends with the list written by compute.
+    /// Lists what is marked; the marks must be of the same blocks. Ordered after all compute accesses before; ends with the list written by compute.
     pub fn record(&self, rec: &mut Recorder, scene: &SceneData, marks: &Marks) {
         for segment in &self.segments {
             rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
@@ -201,7 +226,7 @@ impl List {
                     ("status", self.status.bind()),
                     ("diagnostics", self.diagnostics.buffer().bind()),
                 ],
-                &CompactPush { first: segment.first, count: segment.count },
+                &CompactPush { first: segment.first, count: segment.count, edge: self.edge },
                 lookback::grid(segment.count.div_ceil(WORKGROUP * ROWS)),
             );
         }

@@ -126,6 +126,7 @@ impl Gather {
         let is_anisotropic = is_projected && scene.params.g != 0.0;
         let workgroup = ("WORKGROUP", LIST_WORKGROUP);
         let anisotropic = ("ANISOTROPIC", is_anisotropic.into());
+        let coarse = ("COARSE", scene.is_coarse().into());
         let trace = [
             workgroup,
             anisotropic,
@@ -133,11 +134,12 @@ impl Gather {
             ("SKY", has_sky.into()),
             ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("SAMPLING", sampling),
+            coarse,
         ];
         let estimate = if config.sampling.uses_proxy() {
             let proxy = [workgroup, ("SKY", has_sky.into()), ("SAMPLING", sampling)];
             let second = match config.sampling {
-                Sampling::Residual => Pipeline::new(ctx, &shaders::GATHER_BASE, &[workgroup, anisotropic])?,
+                Sampling::Residual => Pipeline::new(ctx, &shaders::GATHER_BASE, &[workgroup, anisotropic, coarse])?,
                 _ => Pipeline::new(ctx, &shaders::GATHER_SELECT, &[workgroup, ("SAMPLING", sampling)])?,
             };
             Some([Pipeline::new(ctx, &shaders::GATHER_PROXY, &proxy)?, second])

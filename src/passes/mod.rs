@@ -23,6 +23,7 @@ pub mod scan;
 pub mod scene_data;
 pub mod see;
 pub mod single_scatter;
+pub mod spread;
 pub mod tuning;
 
 use crate::shaders::constants::MAX_ITERATIONS;

@@ -37,6 +37,7 @@ impl Pilot {
             ("SOURCE", constants::SOURCE_PROJECTED),
             ("SKY", (scene.environment == constants::ENVIRONMENT_CONSTANT).into()),
             ("POINT_LIGHTS", scene.has_point_lights.into()),
+            ("COARSE", scene.is_coarse().into()),
         ];
         // An invocation follows every direction twice.
         let budget = rays_per_invocation(scene.params.dims, steps[0].min(steps[1])) / 2;

@@ -1,12 +1,14 @@
 //! The projection: from samples of scattered light in cells to the source that is stored per voxel
 //! (`glsl/project_deposit.comp`, `glsl/project_solve.comp`).
 //!
-//! A source is extinction times a function that is trilinear between values at the voxels. The values are those that meet
+//! A source is extinction times a function that is trilinear between values at the nodes: the voxels' centres, or those of
+//! larger blocks, whose values are then spread to the voxels (`passes::spread`). The values are those that meet
 //! the sampled σ_s L best in the least-squares sense: a finite-element solution. Light falls off within a voxel where the
 //! medium is dense; values at voxel centres alone would miss what lies between them.
 
 use super::compact::{Chunk, ChunkArgs, List};
 use super::scene_data::SceneData;
+use super::spread::Spread;
 use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
 use crate::Result;
 use crate::abi::{ProjectDepositPush, ProjectSolvePush, ScatterSample};
@@ -105,6 +107,8 @@ pub struct Projection {
     /// Of A, B by component, and the eye's share; single texels where g = 0 and they are not used.
     sums: [Image; 5],
     scratch: Image,
+    /// Where nodes are no voxels: what the steps write by turns with `scratch`, and the way to the voxels.
+    coarse: Option<(Image, Spread)>,
     factors: Vec<f32>,
 }
 
@@ -155,12 +159,17 @@ impl Projection {
         };
         let bytes = u64::from(chunk_items) * size_of::<ScatterSample>() as u64;
         let slots = (SAMPLES_BYTES / bytes).clamp(1, MAX_SLOTS) as u32;
-        let dims = scene.params.dims;
+        let dims = scene.params.light_dims;
+        let is_coarse = scene.is_coarse();
+        let scratch = |name| ctx.image_3d(name, dims, ImageFormat::Rgba16Float);
         let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, ImageFormat::Rgba32Float);
         let has_b = is_anisotropic && (has_next || !has_eye);
         Ok(Self {
             deposit: used.iter().map(deposit).collect::<Result<_>>()?,
-            solve: Pipeline::new(ctx, &shaders::PROJECT_SOLVE, &[("WORKGROUP", LIST_WORKGROUP)])?,
+            solve: {
+                let specialization = [("WORKGROUP", LIST_WORKGROUP), ("COARSE", is_coarse.into())];
+                Pipeline::new(ctx, &shaders::PROJECT_SOLVE, &specialization)?
+            },
             is_anisotropic,
             light_for,
             samples: ctx.device_buffer("project.samples", (chunk_items * slots) as usize)?,
@@ -172,7 +181,8 @@ impl Projection {
                 sum("project.z", has_b)?,
                 sum("project.eye", has_eye)?,
             ],
-            scratch: ctx.image_3d("project.scratch", dims, ImageFormat::Rgba16Float)?,
+            scratch: scratch("project.scratch")?,
+            coarse: if is_coarse { Some((scratch("project.nodes")?, Spread::new(ctx)?)) } else { None },
             factors: step_factors(steps),
         })
     }
@@ -209,7 +219,7 @@ impl Projection {
 
     /// Empties scratch memory and all right-hand sides ([`Access::TransferWrite`]). Once, before the first order.
     pub fn record_clear_all(&self, rec: &mut Recorder) {
-        for image in self.sums.iter().chain([&self.scratch]) {
+        for image in self.sums.iter().chain([&self.scratch]).chain(self.coarse.iter().map(|(nodes, _)| nodes)) {
             rec.clear_image(image);
         }
     }
@@ -329,22 +339,28 @@ impl Projection {
         field: &Image,
         sum: Option<&Image>,
     ) {
-        // The last step writes to `solution`.
         let last = self.factors.len();
-        let target = |step: usize| if (last - step).is_multiple_of(2) { solution } else { &self.scratch };
+        let result = self.coarse.as_ref().map_or(solution, |(nodes, _)| nodes);
+        let target = |step: usize| if (last - step).is_multiple_of(2) { result } else { &self.scratch };
+        // The last step ends what there is to do, unless its values are spread.
+        let ends = |step: usize| step == last && self.coarse.is_none();
         for step in 0..=last {
-            // Extinction is wherever the step before wrote, and in `field` from the beginning.
+            // Nodes that are voxels have extinction wherever the step before wrote, and in `field` from the beginning.
             let before = if step == 0 { field } else { target(step - 1) };
-            // Only the last step, which is not the first, touches what it adds to.
-            let seen = if step == 0 { target(1) } else { sum.unwrap_or(field) };
+            // Only an end, which is not the first step, touches what it adds to.
+            let seen = match &self.coarse {
+                Some(_) => solution,
+                None if step == 0 => target(1),
+                None => sum.unwrap_or(field),
+            };
             for chunk in nodes.chunks() {
                 order_compute(rec);
                 let push = ProjectSolvePush {
                     chunk_begin: chunk.begin,
                     chunk_items: chunk.items,
                     is_first: (step == 0).into(),
-                    adds: (sum.is_some() && step == last).into(),
-                    joins: (fixed.is_some() && step == last).into(),
+                    adds: (sum.is_some() && ends(step)).into(),
+                    joins: (fixed.is_some() && ends(step)).into(),
                     factor: if step == 0 { 0.0 } else { self.factors[step - 1] },
                 };
                 let binds = [
@@ -354,9 +370,14 @@ impl Projection {
                     ("after", target(step).storage()),
                     ("total", seen.storage()),
                     ("fixed_light", fixed.unwrap_or(sums).sampled(Filter::Nearest)),
+                    // Read where nodes are no voxels.
+                    ("field", if self.coarse.is_some() { field } else { before }.sampled(Filter::Linear)),
                 ];
                 chunk.dispatch(rec, &self.solve, &binds, &push, args);
             }
+        }
+        if let Some((nodes, spread)) = &self.coarse {
+            spread.record(rec, scene, nodes, field, solution, sum, &self.scratch, fixed);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The scene on the GPU: its numbers, transfer function, lights, environment and scalars, shared by all passes.
 
+use super::compact::Blocks;
 use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::cpu::classify::classify;
 use crate::scene::environment::EnvironmentTable;
@@ -123,6 +124,9 @@ fn set_eye(params: &mut SceneParams, camera: &Camera, origin: DVec3) {
 /// The scene's numbers. `max_extinction` and `radiance_scale` follow from the data.
 pub fn params(scene: &Scene) -> SceneParams {
     let grid = &scene.volume.grid;
+    // Other models store no light.
+    let is_scattering = matches!(scene.settings.model, Model::Single | Model::Multiple);
+    let light = Blocks::of(grid.dims, if is_scattering { scene.settings.light_grid } else { 1 });
     let origin = origin(scene);
     let to_world = DAffine3::from_translation(-origin) * grid.index_to_world;
     let to_index = to_world.inverse();
@@ -140,6 +144,8 @@ pub fn params(scene: &Scene) -> SceneParams {
         index_of_z: f3(to_index.matrix3.z_axis),
         index_of_origin: f3(to_index.translation),
         dims: grid.dims,
+        light_edge: light.edge,
+        light_dims: light.dims,
         transfer_points: scene.transfer.points.len() as u32,
         eye: [0.0; 3],
         forward: [0.0; 3],
@@ -264,6 +270,16 @@ impl SceneData {
             self.block = ctx.upload("scene", &[changed])?;
         }
         Ok(())
+    }
+
+    /// The blocks of the light grid.
+    pub fn light_blocks(&self) -> Blocks {
+        Blocks { edge: self.params.light_edge, dims: self.params.light_dims }
+    }
+
+    /// Are they larger than voxels?
+    pub fn is_coarse(&self) -> bool {
+        self.params.light_edge > 1
     }
 
     /// Voxels of the volume.

@@ -19,7 +19,8 @@ pub struct SingleScatter {
 impl SingleScatter {
     /// Makes the pipeline.
     pub fn new(ctx: &Context, scene: &SceneData, step: f32) -> Result<Self> {
-        let specialization = [("WORKGROUP", LIST_WORKGROUP), ("ENVIRONMENT", scene.environment)];
+        let coarse = ("COARSE", scene.is_coarse().into());
+        let specialization = [("WORKGROUP", LIST_WORKGROUP), ("ENVIRONMENT", scene.environment), coarse];
         Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, step })
     }
 

@@ -8,7 +8,7 @@ use self::auto::Costs;
 use crate::output::Picture;
 use crate::passes::camera::{Camera, Content};
 use crate::passes::classify::{Classify, Emitted};
-use crate::passes::compact::{Chunk, ChunkArgs, List, Listed, Marks};
+use crate::passes::compact::{Blocks, Chunk, ChunkArgs, List, Listed, Marks};
 use crate::passes::emptiness::Emptiness;
 use crate::passes::gather::{Gather, GatherArgs, GatherConfig, Gathered};
 use crate::passes::mips::Mips;
@@ -140,6 +140,8 @@ struct Scatter {
     emission: Option<(Gather, Classify)>,
     /// The proxy, and the means over voxels that it is made of: values at voxel centres miss what lies between them.
     proxy: Option<(Proxy, Mips)>,
+    /// The voxels that it encodes, where these are not the nodes.
+    encoded: Option<(Marks, List)>,
     projection: Projection,
     /// The voxels that it writes.
     nodes: List,
@@ -205,7 +207,8 @@ impl<'a> Renderer<'a> {
             _ if stores_light => &[(Listed::Cells, 1.0)],
             _ => &[],
         };
-        let shared = |&(listed, share)| Ok(Shared { list: List::new(ctx, &data, listed, chunk, segment)?, share });
+        let blocks = data.light_blocks();
+        let shared = |&(listed, share)| Ok(Shared { list: List::new(ctx, blocks, listed, chunk, segment)?, share });
         let lists = listed.iter().map(shared).collect::<Result<_>>()?;
         let scatter = if stores_light {
             let has_next = orders > 1;
@@ -253,8 +256,14 @@ impl<'a> Renderer<'a> {
                 } else {
                     None
                 },
+                encoded: if with_proxy && blocks.edge > 1 {
+                    let voxels = Blocks::of(dims, 1);
+                    Some((Marks::new(ctx, voxels)?, List::new(ctx, voxels, Listed::Nodes, chunk, segment)?))
+                } else {
+                    None
+                },
                 projection: Projection::new(ctx, &data, chunk, s.projection_steps, has_next, s.light_for)?,
-                nodes: List::new(ctx, &data, Listed::Nodes, chunk, segment)?,
+                nodes: List::new(ctx, blocks, Listed::Nodes, chunk, segment)?,
                 source: Source::new(ctx, "source", dims, has_moments)?,
                 fixed: if has_fixed { Some(Source::new(ctx, "fixed", dims, data.params.g != 0.0)?) } else { None },
             })
@@ -279,7 +288,7 @@ impl<'a> Renderer<'a> {
             phong: if s.model == Model::Phong { Some(Phong::new(ctx)?) } else { None },
             camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp, content)?,
             scatter,
-            marks: Marks::new(ctx, dims)?,
+            marks: Marks::new(ctx, blocks)?,
             see: if is_shared { Some(See::new(ctx)?) } else { None },
             is_for_eye: s.model == Model::Phong || has_eye || is_shared && views.is_empty(),
             views,
@@ -381,6 +390,10 @@ impl<'a> Renderer<'a> {
         rec.end_pass();
         rec.begin_pass("compact", 0);
         self.marks.record(&mut rec, &self.data, &self.total.a, &self.emptiness);
+        if let Some((marks, list)) = self.scatter.as_ref().and_then(|s| s.encoded.as_ref()) {
+            marks.record(&mut rec, &self.data, &self.total.a, &self.emptiness);
+            list.record(&mut rec, &self.data, marks);
+        }
         rec.end_pass();
         if let Some(see) = &self.see {
             queue.submit(rec, 0.0, "classifying")?;
@@ -407,8 +420,13 @@ impl<'a> Renderer<'a> {
         rec.end_pass();
         queue.submit(rec, 0.0, "classifying")?;
         self.active = self.marks.active_voxels(self.ctx)?;
-        for list in self.lists.iter_mut().map(|s| &mut s.list).chain(self.scatter.as_mut().map(|s| &mut s.nodes)) {
+        for list in self.lists.iter_mut().map(|s| &mut s.list) {
             list.read_counts(self.ctx)?;
+        }
+        if let Some(scatter) = &mut self.scatter {
+            for list in [&mut scatter.nodes].into_iter().chain(scatter.encoded.as_mut().map(|(_, list)| list)) {
+                list.read_counts(self.ctx)?;
+            }
         }
         Ok(())
     }
@@ -479,6 +497,9 @@ impl<'a> Renderer<'a> {
         let (ctx, data) = (self.ctx, &self.data);
         let mut rec = Recorder::new(ctx)?;
         let node_args = scatter.nodes.chunk_args(ctx, &mut rec, 1)?;
+        let encoded = scatter.encoded.as_ref().map(|(_, list)| list);
+        let encoded_args = encoded.map(|list| list.chunk_args(ctx, &mut rec, 1)).transpose()?;
+        let (encoded, encoded_args) = (encoded.unwrap_or(&scatter.nodes), encoded_args.as_ref().unwrap_or(&node_args));
         let mut groups = Vec::new();
         for &Shared { ref list, share } in &self.lists {
             let mut args =
@@ -582,7 +603,7 @@ impl<'a> Renderer<'a> {
                     rec.begin_pass("proxy.means", order);
                     mips.record(&mut rec, &source.unwrap_or(&scatter.source).a);
                     rec.end_pass();
-                    proxy.record(&mut rec, data, &scatter.nodes, &node_args, &mips.means[0], order);
+                    proxy.record(&mut rec, data, encoded, encoded_args, &mips.means[0], order);
                     let at = (constants::PROXY_WORDS * (order - 1)) as usize;
                     rec.barrier(Access::ComputeReadWrite, Access::TransferRead);
                     rec.copy(proxy.control(), 0, &self.proxy_log, at, constants::PROXY_WORDS as usize);

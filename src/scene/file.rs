@@ -5,6 +5,7 @@
 
 use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis};
 use super::{Exposure, LightFor, Model, Quality, Sampling, ToneCurve};
+use crate::shaders::constants::MAX_LIGHT_EDGE;
 use crate::volume::ScalarType;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -269,6 +270,7 @@ table! {
         camera_step: f64,
         gather_step: f64,
         proxy_step: f64,
+        light_grid: u32,
         projection_steps: u32,
         hidden_share: f64,
         light_for: LightFor,
@@ -586,6 +588,8 @@ impl RenderTable {
         check("render.camera_step", &self.camera_step, step, "a step from 0.1 to 8 voxels")?;
         check("render.gather_step", &self.gather_step, step, "a step from 0.1 to 8 voxels")?;
         check("render.proxy_step", &self.proxy_step, step, "a step from 0.1 to 8 voxels")?;
+        let is_edge = |n: &u32| (1..=MAX_LIGHT_EDGE).contains(n);
+        check("render.light_grid", &self.light_grid, is_edge, "a number of voxels from 1 to 4")?;
         let steps = |n: &u32| (1..=64).contains(n);
         check("render.projection_steps", &self.projection_steps, steps, "a number from 1 to 64")?;
         let is_share = |&s: &f64| s > 0.0 && s <= 1.0;

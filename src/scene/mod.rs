@@ -228,6 +228,8 @@ pub struct Settings {
     pub gather_step: f32,
     /// Step of proxy rays in voxels.
     pub proxy_step: f32,
+    /// Voxels along the edge of a block of the light grid: light is computed and solved for per block, 1 to 4.
+    pub light_grid: u32,
     /// Steps of the solution for what is stored per voxel (`passes::project`). 1..=64.
     pub projection_steps: u32,
     /// β of `resample`: share of the uniform defence in the draw, in (0, 1].
@@ -262,6 +264,7 @@ impl Default for Settings {
             camera_step: 0.5,
             gather_step: 1.0,
             proxy_step: 2.0,
+            light_grid: 1,
             projection_steps: 6,
             defence: 0.5,
             mask: [0xF0; 4],

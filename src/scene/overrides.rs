@@ -94,6 +94,10 @@ pub struct Overrides {
     /// Step of proxy rays in voxels, 0.1 to 8 [default: 2]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
     pub proxy_step: Option<f64>,
+    /// Light is computed and solved for in blocks of so many voxels along their edges, 1 to 4; rays and extinction keep all
+    /// detail [default: 1]
+    #[arg(long, value_name = "VOXELS", help_heading = "Method")]
+    pub light_grid: Option<u32>,
     /// Steps of the solution for the light that is stored per voxel, 1 to 64: more are sharper and noisier [default: 6]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub projection_steps: Option<u32>,
@@ -319,6 +323,7 @@ impl Overrides {
         layer.render.camera_step = self.camera_step;
         layer.render.gather_step = self.gather_step;
         layer.render.proxy_step = self.proxy_step;
+        layer.render.light_grid = self.light_grid;
         layer.render.projection_steps = self.projection_steps;
         layer.render.defence = self.defence;
         layer.render.mask = self.mask;

@@ -10,7 +10,7 @@ use tyndall::abi::ScatterSample;
 use tyndall::cpu::scene::HostScene;
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::classify::{Classify, Emitted};
-use tyndall::passes::compact::{List, Listed, Marks};
+use tyndall::passes::compact::{Blocks, List, Listed, Marks};
 use tyndall::passes::emptiness::Emptiness;
 use tyndall::passes::project::Source;
 use tyndall::passes::proxy::Proxy;
@@ -172,7 +172,7 @@ impl Setup {
         let classify = Classify::new(ctx, Emitted::Emission).unwrap();
         let field = ctx.image_3d("field", dims, ImageFormat::Rgba16Float).unwrap();
         let emptiness = Emptiness::for_rays(ctx, dims).unwrap();
-        let marks = Marks::new(ctx, dims).unwrap();
+        let marks = Marks::new(ctx, data.light_blocks()).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         classify.record(&mut rec, &data, &field);
         emptiness.record(&mut rec, &data, &field);
@@ -183,13 +183,26 @@ impl Setup {
 
     /// A list, and its items read back.
     pub fn list(&self, ctx: &Context, listed: Listed) -> (List, Vec<u32>) {
-        let mut list = List::new(ctx, &self.data, listed, CHUNK, None).unwrap();
+        let mut list = List::new(ctx, self.data.light_blocks(), listed, CHUNK, None).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         list.record(&mut rec, &self.data, &self.marks);
         rec.submit_and_wait().unwrap();
         list.read_counts(ctx).unwrap();
         let items = list.read_back(ctx).unwrap();
         (list, items)
+    }
+
+    /// The voxels about the medium, whatever the blocks of the light grid: what a proxy encodes.
+    pub fn voxels(&self, ctx: &Context) -> List {
+        let blocks = Blocks::of(self.host.params.dims, 1);
+        let marks = Marks::new(ctx, blocks).unwrap();
+        let mut list = List::new(ctx, blocks, Listed::Nodes, CHUNK, None).unwrap();
+        let mut rec = Recorder::new(ctx).unwrap();
+        marks.record(&mut rec, &self.data, &self.field, &self.emptiness);
+        list.record(&mut rec, &self.data, &marks);
+        rec.submit_and_wait().unwrap();
+        list.read_counts(ctx).unwrap();
+        list
     }
 }
 
