@@ -37,12 +37,14 @@ fn main() {
         Err(mut e) => errors.append(&mut e),
     }
     for name in &names {
-        match shader(&compiler, name, &out_dir, &mut structs) {
-            Ok(rust) => {
-                code += &rust;
-                all.push(name.to_uppercase());
+        for version in versions(name) {
+            match shader(&compiler, name, *version, &out_dir, &mut structs) {
+                Ok(rust) => {
+                    code += &rust;
+                    all.push(format!("{name}{}", version.suffix).to_uppercase());
+                }
+                Err(mut e) => errors.append(&mut e),
             }
-            Err(mut e) => errors.append(&mut e),
         }
     }
     if !errors.is_empty() {
@@ -107,20 +109,40 @@ fn constants(path: &Path) -> Result<String, Vec<String>> {
     if errors.is_empty() { Ok(rust) } else { Err(errors) }
 }
 
+/// A way to compile a kernel.
+#[derive(Clone, Copy)]
+struct Version {
+    suffix: &'static str,
+    stored_format: &'static str,
+}
+
+/// A kernel that writes fields of light and extinction names their format STORED_FORMAT and is compiled for both precisions:
+/// formats are no specialization constants.
+const VERSIONS: [Version; 2] =
+    [Version { suffix: "", stored_format: "rgba16f" }, Version { suffix: "_single", stored_format: "rgba32f" }];
+
+fn versions(name: &str) -> &'static [Version] {
+    let source = std::fs::read_to_string(format!("glsl/{name}.comp")).unwrap_or_default();
+    if source.contains("STORED_FORMAT") { &VERSIONS } else { &VERSIONS[..1] }
+}
+
 /// Compiles and reflects one shader; returns its Rust table.
 fn shader(
     compiler: &shaderc::Compiler,
-    name: &str,
+    file: &str,
+    version: Version,
     out_dir: &Path,
     structs: &mut BTreeMap<String, (String, StructType)>,
 ) -> Result<String, Vec<String>> {
-    let path = format!("glsl/{name}.comp");
+    let path = format!("glsl/{file}.comp");
+    let name = format!("{file}{}", version.suffix);
     let source = std::fs::read_to_string(&path).map_err(|e| vec![format!("{path}: {e}")])?;
     let compile = |level| {
         let mut options = shaderc::CompileOptions::new().expect("shaderc gives options");
         options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
         options.set_optimization_level(level);
         options.set_warnings_as_errors();
+        options.add_macro_definition("STORED_FORMAT", Some(version.stored_format));
         if level == shaderc::OptimizationLevel::Zero {
             options.set_generate_debug_info();
         }

@@ -12,7 +12,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const uint EMITTED = EMITTED_NOTHING;
 
 layout(set = 0, binding = 2) uniform sampler3D scalar;
-layout(set = 0, binding = 3, rgba16f) writeonly uniform image3D field;
+layout(set = 0, binding = 3, STORED_FORMAT) writeonly uniform image3D field;
 
 void main() {
     uvec3 voxel = gl_GlobalInvocationID;

@@ -13,7 +13,7 @@
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 5) uniform sampler3D scalar;
-layout(set = 0, binding = 6, rgba16f) writeonly uniform image3D total;
+layout(set = 0, binding = 6, STORED_FORMAT) writeonly uniform image3D total;
 
 layout(push_constant, scalar) uniform PhongPush {
     uint chunk_begin;

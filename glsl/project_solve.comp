@@ -20,8 +20,8 @@ layout(set = 0, binding = 3) uniform sampler3D sums;
 // rgb = u of the step before (nothing before the first step), a = extinction where nodes are voxels.
 layout(set = 0, binding = 4) uniform sampler3D before;
 // The same of this step. Where COARSE, a = 1 for nodes that have a value, 0 where all of their cells' points miss the medium.
-layout(set = 0, binding = 5, rgba16f) writeonly uniform image3D after;
-layout(set = 0, binding = 6, rgba16f) uniform image3D total;
+layout(set = 0, binding = 5, STORED_FORMAT) writeonly uniform image3D after;
+layout(set = 0, binding = 6, STORED_FORMAT) uniform image3D total;
 // Solved before: light that enters every order.
 layout(set = 0, binding = 7) uniform sampler3D fixed_light;
 // a = extinction, where COARSE.

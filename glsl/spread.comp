@@ -11,8 +11,8 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 1) uniform sampler3D nodes;
 // a = extinction, where `total`, which has it too, is not added to.
 layout(set = 0, binding = 2) uniform sampler3D field;
-layout(set = 0, binding = 3, rgba16f) writeonly uniform image3D after;
-layout(set = 0, binding = 4, rgba16f) uniform image3D total;
+layout(set = 0, binding = 3, STORED_FORMAT) writeonly uniform image3D after;
+layout(set = 0, binding = 4, STORED_FORMAT) uniform image3D total;
 // At the voxels: light that enters every order.
 layout(set = 0, binding = 5) uniform sampler3D fixed_light;
 

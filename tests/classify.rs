@@ -11,8 +11,8 @@ use common::gpu_test;
 use tyndall::cpu::classify;
 use tyndall::passes::classify::{Classify, Emitted};
 use tyndall::passes::compact::Listed;
-use tyndall::scene::{OpacityUnit, Scene};
-use tyndall::vk::{Context, ImageFormat, Recorder};
+use tyndall::scene::{OpacityUnit, Precision, Scene};
+use tyndall::vk::{Context, Recorder};
 use tyndall::volume::Grid;
 
 /// Half floats have 11 bits and devices may cut the rest off when they store: 2⁻¹⁰ = 9.8e-4. Below their smallest
@@ -21,17 +21,25 @@ const ROUNDING: f32 = 1e-3;
 const SMALLEST: f32 = 1e-7;
 
 fn check_field(ctx: &Context, name: &str, scene: &Scene) {
+    for (precision, rounding) in [(Precision::Half, ROUNDING), (Precision::Single, 1e-5)] {
+        let mut scene = scene.clone();
+        scene.settings.precision = precision;
+        check_precision(ctx, name, &scene, rounding);
+    }
+}
+
+fn check_precision(ctx: &Context, name: &str, scene: &Scene, rounding: f32) {
     let setup = Setup::new(ctx, scene);
     let host = &setup.host;
     for emitted in [Emitted::Nothing, Emitted::Emission, Emitted::Color] {
-        let pass = Classify::new(ctx, emitted).unwrap();
-        let field = ctx.image_3d("field", host.params.dims, ImageFormat::Rgba16Float).unwrap();
+        let pass = Classify::new(ctx, &setup.data, emitted).unwrap();
+        let field = setup.data.stored(ctx, "field", host.params.dims).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         pass.record(&mut rec, &setup.data, &field);
         rec.submit_and_wait().unwrap();
         let expected = classify::field(&host.params, &host.points, &host.scalar, emitted);
-        let (got, case) = (texture(ctx, &field), format!("{name}, {emitted:?}"));
-        assert_close(&case, &got.texels, &expected.texels, ROUNDING, SMALLEST);
+        let (got, case) = (texture(ctx, &field), format!("{name}, {emitted:?}, {:?}", scene.settings.precision));
+        assert_close(&case, &got.texels, &expected.texels, rounding, SMALLEST);
     }
 }
 

@@ -25,7 +25,7 @@ const SMALLEST: f32 = 1e-5;
 /// Shades the scene; checks against the twin.
 fn check(ctx: &Context, name: &str, scene: &Scene) -> Texture<Vec4> {
     let setup = Setup::new(ctx, scene);
-    let pass = Phong::new(ctx).unwrap();
+    let pass = Phong::new(ctx, &setup.data).unwrap();
     let total = bodies::image(ctx, "total", &Texture::filled(setup.host.params.dims, Vec4::ZERO));
     let mut rec = Recorder::new(ctx).unwrap();
     let (list, active) = setup.list(ctx, Listed::Voxels);

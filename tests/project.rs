@@ -41,8 +41,8 @@ fn solve_beside(
     let dims = setup.host.params.dims;
     let (nodes, _) = setup.list(ctx, Listed::Nodes);
     let projection = Projection::new(ctx, &setup.data, CHUNK, steps, true, LightFor::View).unwrap();
-    let source = Source::new(ctx, "source", dims, false).unwrap();
-    let small = Source::new(ctx, "unused", [1; 3], false).unwrap().b;
+    let source = Source::new(ctx, &setup.data, "source", false).unwrap();
+    let small = source.b.clone();
     let field = texture(ctx, &setup.field);
     let seen = field.texels.iter().map(|f| Vec4::new(1.0, 2.0, 3.0, f.w)).collect();
     let fixed = fixed.map(|texels| Source { a: image(ctx, "fixed", texels), ..source.clone() });

@@ -13,7 +13,7 @@ use std::process::Command;
 use tyndall::measure::metrics::{block_z_scores, compare};
 use tyndall::output::Picture;
 use tyndall::render::{Internals, Renderer};
-use tyndall::scene::{Sampling, Scene};
+use tyndall::scene::{Precision, Sampling, Scene};
 use tyndall::vk::{Context, Validation};
 
 const NORMAL: Internals =
@@ -291,6 +291,26 @@ fn a_split_list_of_cells_changes_nothing_but_rounding() {
     });
 }
 
+/// Fields of 32-bit floats show the same picture without the rounding of 16 bits, also from larger blocks and with a proxy.
+#[test]
+fn precision_changes_nothing_but_rounding() {
+    gpu_test(|ctx| {
+        let cases = [(Sampling::Phase, 0.0, 1), (Sampling::Resample, 0.0, 1), (Sampling::Phase, 0.5, 2)];
+        for (sampling, g, edge) in cases {
+            let [half, single] = [Precision::Half, Precision::Single].map(|precision| {
+                let mut scene = scene(13, sampling, "candidates = 8\ndirections = 3");
+                (scene.settings.precision, scene.settings.light_grid, scene.g) = (precision, edge, g);
+                pictures(ctx, &scene, NORMAL, 4..5).remove(0)
+            });
+            let difference = compare(&half, &single).unwrap();
+            println!("{sampling:?}, g {g}, blocks of {edge}: relMSE {:e}", difference.rel_mse);
+            // The choice of candidates may turn over by a last digit, which changes the noise of single cells.
+            let most = if sampling == Sampling::Phase { 1e-6 } else { 1e-4 };
+            assert!(half != single && difference.rel_mse < most, "{sampling:?}: {:e}", difference.rel_mse);
+        }
+    });
+}
+
 /// Light in larger blocks is a little blurred, and as bright; with the proxy too, which keeps to voxels. The eye sees more
 /// noise.
 #[test]
@@ -311,7 +331,7 @@ fn a_coarse_light_grid_is_as_bright() {
                 let coarse = set(edge);
                 let ratio = brightness(&coarse) / brightness(&fine);
                 println!("{sampling:?}, g {g}, blocks of {edge}: {ratio}, {} {}", variance(&coarse), variance(&fine));
-                assert!((ratio - 1.0).abs() < 0.02, "{sampling:?}, g {g}, blocks of {edge}: {ratio} times as bright");
+                assert!((ratio - 1.0).abs() < 0.03, "{sampling:?}, g {g}, blocks of {edge}: {ratio} times as bright");
                 assert!(variance(&coarse) > 1.1 * variance(&fine), "{sampling:?}: as little noise with fewer cells");
             }
         }

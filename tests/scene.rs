@@ -499,6 +499,7 @@ fn help_states_the_true_defaults() {
         ("environment-directions", default.environment_directions.to_string()),
         ("inner-share", default.inner_share.to_string()),
         ("hidden-share", default.hidden_share.to_string()),
+        ("precision", name(&|| default.precision.to_possible_value())),
         ("light-grid", default.light_grid.to_string()),
         ("projection-steps", default.projection_steps.to_string()),
         ("camera-step", default.camera_step.to_string()),

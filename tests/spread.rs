@@ -36,7 +36,8 @@ fn spread_on_device(
     let nodes = image(ctx, "nodes", nodes);
     let mut rec = Recorder::new(ctx).unwrap();
     let seen = adds.then_some(&sum);
-    Spread::new(ctx).unwrap().record(&mut rec, &setup.data, &nodes, &setup.field, &solution, seen, &unused, fixed);
+    let pass = Spread::new(ctx, &setup.data).unwrap();
+    pass.record(&mut rec, &setup.data, &nodes, &setup.field, &solution, seen, &unused, fixed);
     rec.submit_and_wait().unwrap();
     [texture(ctx, &solution), texture(ctx, &sum)]
 }

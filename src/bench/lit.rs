@@ -8,7 +8,7 @@ use crate::passes::scene_data::SceneData;
 use crate::passes::single_scatter::SingleScatter;
 use crate::scene::Scene;
 use crate::shaders::constants;
-use crate::vk::{Context, Image, ImageFormat, Recorder};
+use crate::vk::{Context, Image, Recorder};
 use crate::{Error, Result};
 
 /// The scene on the device.
@@ -37,14 +37,14 @@ impl Lit {
         scene.settings.light_grid = 1;
         let data = SceneData::new(ctx, &scene)?;
         let dims = data.params.dims;
-        let field = ctx.image_3d("field", dims, ImageFormat::Rgba16Float)?;
+        let field = data.stored(ctx, "field", dims)?;
         let emptiness = Emptiness::for_rays(ctx, dims)?;
         let blocks = data.light_blocks();
         let marks = Marks::new(ctx, blocks)?;
         let mut cells = List::new(ctx, blocks, Listed::Cells, CHUNK, None)?;
         let mut nodes = List::new(ctx, blocks, Listed::Nodes, CHUNK, None)?;
         let mut rec = Recorder::new(ctx)?;
-        Classify::new(ctx, Emitted::Nothing)?.record(&mut rec, &data, &field);
+        Classify::new(ctx, &data, Emitted::Nothing)?.record(&mut rec, &data, &field);
         emptiness.record(&mut rec, &data, &field);
         marks.record(&mut rec, &data, &field, &emptiness);
         cells.record(&mut rec, &data, &marks);
@@ -60,7 +60,7 @@ impl Lit {
                 "choose another preset or window",
             ));
         }
-        let source = Source::new(ctx, "source", dims, false)?;
+        let source = Source::new(ctx, &data, "source", false)?;
         let lit = Self { data, emptiness, source: source.a.clone(), nodes, cells: listed };
         lit.scatter(ctx, &scene, &cells, &field, &source)?;
         Ok(lit)

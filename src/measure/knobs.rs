@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::scene::{Environment, Sampling, Scene, Settings};
+use crate::scene::{Environment, Precision, Sampling, Scene, Settings};
 
 /// A knob, named as its flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -30,6 +30,8 @@ pub enum Knob {
     CameraStep,
     /// Step of proxy rays.
     ProxyStep,
+    /// Floats that fields are stored as.
+    Precision,
     /// Blocks that light is computed in.
     LightGrid,
     /// Steps of the solution for stored light.
@@ -149,6 +151,9 @@ impl Knob {
             Knob::GatherStep => floats(base.gather_step, step, &[2.0, 0.5], &|s, v| s.gather_step = v),
             Knob::CameraStep => floats(base.camera_step, step, &[2.0, 0.5], &|s, v| s.camera_step = v),
             Knob::ProxyStep => floats(base.proxy_step, step, &[2.0, 0.5], &|s, v| s.proxy_step = v),
+            Knob::Precision => {
+                Precision::value_variants().iter().map(|&precision| with(&|s| s.precision = precision)).collect()
+            }
             Knob::LightGrid => (1..=3).map(|edge| with(&|s| s.light_grid = edge)).collect(),
             Knob::ProjectionSteps => {
                 let steps = |steps: &u32| with(&|s| s.projection_steps = *steps);
@@ -206,7 +211,7 @@ pub fn flags(from: &Settings, to: &Settings) -> String {
 pub fn toml_lines(from: &Settings, to: &Settings) -> Vec<String> {
     let line = |knob: Knob| {
         let value = knob.value(to);
-        let is_text = matches!(knob, Knob::Sampling | Knob::Mask);
+        let is_text = matches!(knob, Knob::Sampling | Knob::Mask | Knob::Precision);
         if is_text { format!("{} = \"{value}\"", knob.field()) } else { format!("{} = {value}", knob.field()) }
     };
     changed(from, to).into_iter().map(line).collect()
@@ -264,7 +269,7 @@ mod tests {
         // The gathers bring this environment.
         for &knob in Knob::value_variants().iter().filter(|&&k| k != Knob::EnvironmentDirections) {
             let values = plan.iter().filter(|s| s.knobs.contains(&knob)).count();
-            assert!(values >= 3, "{knob:?} has {values} values");
+            assert!(values >= if knob == Knob::Precision { 2 } else { 3 }, "{knob:?} has {values} values");
         }
         for &mode in Sampling::value_variants() {
             assert!(plan.iter().filter(|s| s.settings.sampling == mode).count() >= 6, "{mode:?}");

@@ -1,7 +1,7 @@
 //! Classify (`glsl/classify.comp`): from scalars to extinction and emitted source.
 
-use super::order_compute;
 use super::scene_data::SceneData;
+use super::{order_compute, storing};
 use crate::Result;
 use crate::shaders::{self, constants};
 use crate::vk::{Context, Filter, Image, Pipeline, Recorder};
@@ -29,13 +29,14 @@ pub(super) fn voxel_grid(dims: [u32; 3]) -> [u32; 3] {
 
 impl Classify {
     /// Makes the pipelines.
-    pub fn new(ctx: &Context, emitted: Emitted) -> Result<Self> {
+    pub fn new(ctx: &Context, scene: &SceneData, emitted: Emitted) -> Result<Self> {
         let emitted = match emitted {
             Emitted::Nothing => constants::EMITTED_NOTHING,
             Emitted::Emission => constants::EMITTED_EMISSION,
             Emitted::Color => constants::EMITTED_COLOR,
         };
-        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::CLASSIFY, &[("EMITTED", emitted)])? })
+        let kernel = storing(scene.precision, &shaders::CLASSIFY, &shaders::CLASSIFY_SINGLE);
+        Ok(Self { pipeline: Pipeline::new(ctx, kernel, &[("EMITTED", emitted)])? })
     }
 
     /// Writes source and extinction of every voxel to `field`. Ordered after all compute accesses before; ends

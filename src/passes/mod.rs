@@ -26,8 +26,10 @@ pub mod single_scatter;
 pub mod spread;
 pub mod tuning;
 
+use crate::scene::Precision;
+use crate::shaders::ShaderInfo;
 use crate::shaders::constants::MAX_ITERATIONS;
-use crate::vk::{Access, Recorder};
+use crate::vk::{Access, ImageFormat, Recorder};
 
 /// Workgroup size of kernels over lists.
 pub const LIST_WORKGROUP: u32 = 64;
@@ -35,6 +37,22 @@ pub const LIST_WORKGROUP: u32 = 64;
 /// The given share of `count` directions, at least one.
 pub(crate) fn share_of(count: u32, share: f32) -> u32 {
     ((count as f32 * share).ceil() as u32).max(1)
+}
+
+/// The format that fields of light and extinction have.
+pub fn stored_format(precision: Precision) -> ImageFormat {
+    match precision {
+        Precision::Half => ImageFormat::Rgba16Float,
+        Precision::Single => ImageFormat::Rgba32Float,
+    }
+}
+
+/// The version of a kernel that writes them.
+fn storing(precision: Precision, half: &'static ShaderInfo, single: &'static ShaderInfo) -> &'static ShaderInfo {
+    match precision {
+        Precision::Half => half,
+        Precision::Single => single,
+    }
 }
 
 /// Orders everything that compute shaders did before everything that they do next.

@@ -2,7 +2,7 @@
 
 use super::compact::{Chunk, ChunkArgs};
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, order_compute};
+use super::{LIST_WORKGROUP, order_compute, storing};
 use crate::Result;
 use crate::abi::PhongPush;
 use crate::shaders;
@@ -15,8 +15,9 @@ pub struct Phong {
 
 impl Phong {
     /// Makes the pipeline.
-    pub fn new(ctx: &Context) -> Result<Self> {
-        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::PHONG, &[("WORKGROUP", LIST_WORKGROUP)])? })
+    pub fn new(ctx: &Context, scene: &SceneData) -> Result<Self> {
+        let kernel = storing(scene.precision, &shaders::PHONG, &shaders::PHONG_SINGLE);
+        Ok(Self { pipeline: Pipeline::new(ctx, kernel, &[("WORKGROUP", LIST_WORKGROUP)])? })
     }
 
     /// Writes the shaded colour of a chunk's voxels to `total`. Ordered after all compute accesses before.

@@ -9,7 +9,7 @@
 use super::compact::{Chunk, ChunkArgs, List};
 use super::scene_data::SceneData;
 use super::spread::Spread;
-use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation, storing};
 use crate::Result;
 use crate::abi::{ProjectDepositPush, ProjectSolvePush, ScatterSample};
 use crate::scene::LightFor;
@@ -28,9 +28,10 @@ pub struct Source {
 
 impl Source {
     /// Images for a source. Zeroed by [`Source::clear`], not here.
-    pub fn new(ctx: &Context, name: &str, dims: [u32; 3], is_anisotropic: bool) -> Result<Self> {
+    pub fn new(ctx: &Context, scene: &SceneData, name: &str, is_anisotropic: bool) -> Result<Self> {
+        let dims = scene.params.dims;
         let small = if is_anisotropic { dims } else { [1; 3] };
-        let image = |part, dims| ctx.image_3d(&format!("{name}.{part}"), dims, ImageFormat::Rgba16Float);
+        let image = |part, dims| scene.stored(ctx, &format!("{name}.{part}"), dims);
         Ok(Self { a: image("a", dims)?, b: [image("x", small)?, image("y", small)?, image("z", small)?] })
     }
 
@@ -161,14 +162,15 @@ impl Projection {
         let slots = (SAMPLES_BYTES / bytes).clamp(1, MAX_SLOTS) as u32;
         let dims = scene.params.light_dims;
         let is_coarse = scene.is_coarse();
-        let scratch = |name| ctx.image_3d(name, dims, ImageFormat::Rgba16Float);
+        let scratch = |name| scene.stored(ctx, name, dims);
         let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, ImageFormat::Rgba32Float);
         let has_b = is_anisotropic && (has_next || !has_eye);
         Ok(Self {
             deposit: used.iter().map(deposit).collect::<Result<_>>()?,
             solve: {
                 let specialization = [("WORKGROUP", LIST_WORKGROUP), ("COARSE", is_coarse.into())];
-                Pipeline::new(ctx, &shaders::PROJECT_SOLVE, &specialization)?
+                let kernel = storing(scene.precision, &shaders::PROJECT_SOLVE, &shaders::PROJECT_SOLVE_SINGLE);
+                Pipeline::new(ctx, kernel, &specialization)?
             },
             is_anisotropic,
             light_for,
@@ -182,7 +184,7 @@ impl Projection {
                 sum("project.eye", has_eye)?,
             ],
             scratch: scratch("project.scratch")?,
-            coarse: if is_coarse { Some((scratch("project.nodes")?, Spread::new(ctx)?)) } else { None },
+            coarse: if is_coarse { Some((scratch("project.nodes")?, Spread::new(ctx, scene)?)) } else { None },
             factors: step_factors(steps),
         })
     }

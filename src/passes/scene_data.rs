@@ -4,7 +4,7 @@ use super::compact::Blocks;
 use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::cpu::classify::classify;
 use crate::scene::environment::EnvironmentTable;
-use crate::scene::{Background, Camera, Environment, Light, Model, OpacityUnit, Scene};
+use crate::scene::{Background, Camera, Environment, Light, Model, OpacityUnit, Precision, Scene};
 use crate::shaders::constants;
 use crate::vk::{Buffer, Context, Image, ImageFormat};
 use crate::{Error, Result};
@@ -32,6 +32,8 @@ pub struct SceneData {
     pub ambient: Vec3,
     /// Does anything in the medium emit?
     pub has_emission: bool,
+    /// Of the fields of light and extinction.
+    pub precision: Precision,
     origin: DVec3,
 }
 
@@ -246,6 +248,7 @@ impl SceneData {
             environment,
             ambient: scene.environment.as_ref().map_or(Vec3::ZERO, Environment::mean_radiance),
             has_emission: scene.emission_scale > 0.0 && points.iter().any(|p| p.emission.iter().any(|&e| e > 0.0)),
+            precision: scene.settings.precision,
             params,
             points,
             origin: origin(scene),
@@ -270,6 +273,11 @@ impl SceneData {
             self.block = ctx.upload("scene", &[changed])?;
         }
         Ok(())
+    }
+
+    /// An image for a field of light and extinction.
+    pub fn stored(&self, ctx: &Context, name: &str, dims: [u32; 3]) -> Result<Image> {
+        ctx.image_3d(name, dims, super::stored_format(self.precision))
     }
 
     /// The blocks of the light grid.

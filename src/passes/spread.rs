@@ -1,8 +1,8 @@
 //! Spread (`glsl/spread.comp`): from values at the nodes of a coarse light grid to the voxels.
 
 use super::classify::voxel_grid;
-use super::order_compute;
 use super::scene_data::SceneData;
+use super::{order_compute, storing};
 use crate::Result;
 use crate::abi::SpreadPush;
 use crate::shaders;
@@ -15,8 +15,9 @@ pub struct Spread {
 
 impl Spread {
     /// Makes the pipeline.
-    pub fn new(ctx: &Context) -> Result<Self> {
-        Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SPREAD, &[])? })
+    pub fn new(ctx: &Context, scene: &SceneData) -> Result<Self> {
+        let kernel = storing(scene.precision, &shaders::SPREAD, &shaders::SPREAD_SINGLE);
+        Ok(Self { pipeline: Pipeline::new(ctx, kernel, &[])? })
     }
 
     /// Writes what is trilinear between the values of `nodes` to `solution`, with the extinction of `field`. `sum`: what it is

@@ -20,10 +20,10 @@ use crate::passes::scene_data::SceneData;
 use crate::passes::see::{self, See};
 use crate::passes::share_of;
 use crate::passes::single_scatter::SingleScatter;
-use crate::scene::{self, LightFor, Model, Sampling, Scene};
+use crate::scene::{self, LightFor, Model, Precision, Sampling, Scene};
 use crate::shaders::constants;
 use crate::stats::{AutoStats, PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
-use crate::vk::{Access, Buffer, Context, Image, ImageFormat, Recorder, Submission, TimedPass};
+use crate::vk::{Access, Buffer, Context, Image, Recorder, Submission, TimedPass};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range, RangeInclusive};
@@ -180,6 +180,10 @@ impl<'a> Renderer<'a> {
     /// Uploads the scene and makes the passes that its settings use.
     pub fn new(ctx: &'a Context, scene: &Scene, internals: Internals) -> Result<Self> {
         let s = &scene.settings;
+        if s.precision == Precision::Single && !ctx.interpolates_single() {
+            let problem = "the device does not interpolate images of 32-bit floats";
+            return Err(Error::input("--precision", problem, "use half"));
+        }
         let data = SceneData::new(ctx, scene)?;
         let dims = data.params.dims;
         let orders = match s.model {
@@ -219,7 +223,7 @@ impl<'a> Renderer<'a> {
             let has_fixed = has_next && (data.light_count > separate || is_sampled || emits);
             Some(Scatter {
                 lights: if separate > 0 {
-                    let image = |_| ctx.image_3d("light", dims, ImageFormat::Rgba16Float);
+                    let image = |_| data.stored(ctx, "light", dims);
                     let gather = Gather::new(ctx, &data, gather_config, chunk, Gathered::Light)?;
                     Some((gather, (0..separate).map(image).collect::<Result<_>>()?))
                 } else {
@@ -241,7 +245,7 @@ impl<'a> Renderer<'a> {
                 },
                 emission: if emits {
                     let gather = Gather::new(ctx, &data, gather_config, chunk, Gathered::Emitted)?;
-                    Some((gather, Classify::new(ctx, Emitted::Emission)?))
+                    Some((gather, Classify::new(ctx, &data, Emitted::Emission)?))
                 } else {
                     None
                 },
@@ -264,8 +268,8 @@ impl<'a> Renderer<'a> {
                 },
                 projection: Projection::new(ctx, &data, chunk, s.projection_steps, has_next, s.light_for)?,
                 nodes: List::new(ctx, blocks, Listed::Nodes, chunk, segment)?,
-                source: Source::new(ctx, "source", dims, has_moments)?,
-                fixed: if has_fixed { Some(Source::new(ctx, "fixed", dims, data.params.g != 0.0)?) } else { None },
+                source: Source::new(ctx, &data, "source", has_moments)?,
+                fixed: if has_fixed { Some(Source::new(ctx, &data, "fixed", data.params.g != 0.0)?) } else { None },
             })
         } else {
             None
@@ -284,8 +288,8 @@ impl<'a> Renderer<'a> {
             environment_directions: s.environment_directions,
             samples: s.spp,
             mask: s.mask,
-            classify: Classify::new(ctx, emitted)?,
-            phong: if s.model == Model::Phong { Some(Phong::new(ctx)?) } else { None },
+            classify: Classify::new(ctx, &data, emitted)?,
+            phong: if s.model == Model::Phong { Some(Phong::new(ctx, &data)?) } else { None },
             camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp, content)?,
             scatter,
             marks: Marks::new(ctx, blocks)?,
@@ -297,8 +301,8 @@ impl<'a> Renderer<'a> {
             lists,
             active: 0,
             emptiness: Emptiness::for_rays(ctx, dims)?,
-            emitted: ctx.image_3d("emitted", if emits { dims } else { [1; 3] }, ImageFormat::Rgba16Float)?,
-            total: Source::new(ctx, "total", dims, is_directed)?,
+            emitted: data.stored(ctx, "emitted", if emits { dims } else { [1; 3] })?,
+            total: Source::new(ctx, &data, "total", is_directed)?,
             picture: Camera::picture(ctx, s.size)?,
             proxy_log: ctx.device_buffer("proxy.log", (constants::PROXY_WORDS * orders.max(1)) as usize)?,
             data,

@@ -4,7 +4,7 @@
 //! from the one below. Colours are as [`Rgb`] says; angles are in degrees; lengths in the volume's unit.
 
 use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis};
-use super::{Exposure, LightFor, Model, Quality, Sampling, ToneCurve};
+use super::{Exposure, LightFor, Model, Precision, Quality, Sampling, ToneCurve};
 use crate::shaders::constants::MAX_LIGHT_EDGE;
 use crate::volume::ScalarType;
 use crate::{Error, Result};
@@ -270,6 +270,7 @@ table! {
         camera_step: f64,
         gather_step: f64,
         proxy_step: f64,
+        precision: Precision,
         light_grid: u32,
         projection_steps: u32,
         hidden_share: f64,

@@ -69,6 +69,16 @@ impl Sampling {
     }
 }
 
+/// How fields of light and extinction are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Precision {
+    /// 16-bit floats, whose range is chosen from the data.
+    Half,
+    /// 32-bit floats: twice the memory.
+    Single,
+}
+
 /// Which eye light is computed for (`single`, `multiple`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -228,6 +238,8 @@ pub struct Settings {
     pub gather_step: f32,
     /// Step of proxy rays in voxels.
     pub proxy_step: f32,
+    /// How fields of light and extinction are stored.
+    pub precision: Precision,
     /// Voxels along the edge of a block of the light grid: light is computed and solved for per block, 1 to 4.
     pub light_grid: u32,
     /// Steps of the solution for what is stored per voxel (`passes::project`). 1..=64.
@@ -264,6 +276,7 @@ impl Default for Settings {
             camera_step: 0.5,
             gather_step: 1.0,
             proxy_step: 2.0,
+            precision: Precision::Half,
             light_grid: 1,
             projection_steps: 6,
             defence: 0.5,

@@ -2,7 +2,7 @@
 
 use super::file::{LightTable, RawEndian, RawTable, SceneFile};
 use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis, numbers};
-use super::{LightFor, Model, Quality, Sampling, ToneCurve, presets};
+use super::{LightFor, Model, Precision, Quality, Sampling, ToneCurve, presets};
 use crate::volume::{RawLayout, ScalarType};
 use crate::{Error, Result};
 use clap::builder::PossibleValuesParser;
@@ -94,6 +94,9 @@ pub struct Overrides {
     /// Step of proxy rays in voxels, 0.1 to 8 [default: 2]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
     pub proxy_step: Option<f64>,
+    /// Floats that light and extinction are stored as [default: half]
+    #[arg(long, value_name = "FLOATS", help_heading = "Method")]
+    pub precision: Option<Precision>,
     /// Light is computed and solved for in blocks of so many voxels along their edges, 1 to 4; rays and extinction keep all
     /// detail [default: 1]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
@@ -323,6 +326,7 @@ impl Overrides {
         layer.render.camera_step = self.camera_step;
         layer.render.gather_step = self.gather_step;
         layer.render.proxy_step = self.proxy_step;
+        layer.render.precision = self.precision;
         layer.render.light_grid = self.light_grid;
         layer.render.projection_steps = self.projection_steps;
         layer.render.defence = self.defence;

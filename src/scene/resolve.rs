@@ -171,6 +171,7 @@ fn settings(table: &RenderTable, dims: [u32; 3], views: usize) -> Result<Setting
         camera_step: step(table.camera_step, default.camera_step),
         gather_step: step(table.gather_step, default.gather_step),
         proxy_step: step(table.proxy_step, default.proxy_step),
+        precision: table.precision.unwrap_or(default.precision),
         light_grid: table.light_grid.unwrap_or(default.light_grid),
         projection_steps: table.projection_steps.unwrap_or(default.projection_steps),
         hidden_share: step(table.hidden_share, default.hidden_share),

@@ -83,6 +83,7 @@ pub(super) struct DeviceShared {
     vendor_id: u32,
     min_subgroup_size: u32,
     pub(super) max_subgroup_size: u32,
+    interpolates_single: bool,
     pub(super) has_timestamps: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
     pub(super) checks_hazards: bool,
@@ -339,6 +340,7 @@ struct Probe {
     properties: vk::PhysicalDeviceProperties,
     min_subgroup_size: u32,
     max_subgroup_size: u32,
+    interpolates_single: bool,
     max_allocation: u64,
     queue_family: u32,
     timestamp_bits: u32,
@@ -405,6 +407,13 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
         missing.push("a compute queue".to_owned());
     }
     let family = family.unwrap_or(0);
+    let features_of = |format: ImageFormat| {
+        let mut f3 = vk::FormatProperties3::default();
+        let mut f = vk::FormatProperties2::default().push_next(&mut f3);
+        // SAFETY: as above.
+        unsafe { instance.get_physical_device_format_properties2(device, format.to_vk(), &mut f) };
+        f3.optimal_tiling_features
+    };
     for (format, needs) in [
         (ImageFormat::R32Float, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
         (ImageFormat::R32Uint, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
@@ -413,11 +422,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
             vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR,
         ),
     ] {
-        let mut f3 = vk::FormatProperties3::default();
-        let mut f = vk::FormatProperties2::default().push_next(&mut f3);
-        // SAFETY: as above.
-        unsafe { instance.get_physical_device_format_properties2(device, format.to_vk(), &mut f) };
-        if !f3.optimal_tiling_features.contains(needs) {
+        if !features_of(format).contains(needs) {
             missing.push(format!("{format:?} images with {needs:?}"));
         }
     }
@@ -453,6 +458,8 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
         info,
         properties: p,
         min_subgroup_size: if v13.min_subgroup_size == 0 { v11.subgroup_size } else { v13.min_subgroup_size },
+        interpolates_single: features_of(ImageFormat::Rgba32Float)
+            .contains(vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR),
         max_subgroup_size: if v13.max_subgroup_size == 0 { v11.subgroup_size } else { v13.max_subgroup_size },
         max_allocation: v11.max_memory_allocation_size,
         queue_family: family as u32,
@@ -583,6 +590,7 @@ impl Context {
             vendor_id: probe.properties.vendor_id,
             min_subgroup_size: probe.min_subgroup_size,
             max_subgroup_size: probe.max_subgroup_size,
+            interpolates_single: probe.interpolates_single,
             has_timestamps: probe.timestamp_bits > 0 && probe.properties.limits.timestamp_period > 0.0,
             debug,
             is_gpu_assisted: config.validation == Validation::GpuAssisted,
@@ -616,6 +624,11 @@ impl Context {
     /// Is the device a CPU pretending to be a GPU?
     pub fn is_cpu(&self) -> bool {
         self.info.kind == "CPU"
+    }
+
+    /// Can samplers interpolate images of 32-bit floats? Of 16-bit floats all devices can that are accepted.
+    pub fn interpolates_single(&self) -> bool {
+        self.shared.interpolates_single
     }
 
     /// Largest number of bytes that one storage binding may cover.

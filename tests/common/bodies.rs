@@ -169,8 +169,8 @@ impl Setup {
     pub fn new(ctx: &Context, scene: &Scene) -> Self {
         let data = SceneData::new(ctx, scene).unwrap();
         let dims = data.params.dims;
-        let classify = Classify::new(ctx, Emitted::Emission).unwrap();
-        let field = ctx.image_3d("field", dims, ImageFormat::Rgba16Float).unwrap();
+        let classify = Classify::new(ctx, &data, Emitted::Emission).unwrap();
+        let field = data.stored(ctx, "field", dims).unwrap();
         let emptiness = Emptiness::for_rays(ctx, dims).unwrap();
         let marks = Marks::new(ctx, data.light_blocks()).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
@@ -206,8 +206,11 @@ impl Setup {
     }
 }
 
-/// An image of half floats, read back.
+/// An image, read back.
 pub fn texture(ctx: &Context, image: &Image) -> Texture<Vec4> {
+    if image.format() == ImageFormat::Rgba32Float {
+        return Texture::new(image.extent(), ctx.read_back_image(image).unwrap());
+    }
     let texels: Vec<[f16; 4]> = ctx.read_back_image(image).unwrap();
     Texture::new(image.extent(), texels.iter().map(|t| Vec4::from(t.map(f32::from))).collect())
 }
