@@ -4,7 +4,8 @@
 // In each of them PILOT_REPLICATES independent gathers follow the same directions in the data and in the proxy. What the
 // replicates differ by is the variance of a mean over these evenly spread directions, which is less than that of independent
 // ones. Steps are counted: they cost the same at every run, and time does not.
-// Grid: x = cells drawn evenly from the list, y = replicates.
+// Grid: x = cells drawn evenly from the list, y = replicates, z = blocks of directions: few cells alone would leave most of a
+// large device idle.
 #define LIST_BINDING 3
 #define LIGHTS_BINDING 11
 #define ESTIMATE_BINDING 12
@@ -19,7 +20,7 @@
 layout(local_size_x_id = 0) in;
 
 struct PilotSample {
-    // Light that the cell scatters, as a mean over its points and the directions: as `phase` has it,
+    // A block's part of the light that the cell scatters, as a mean over its points and the directions: as `phase` has it,
     vec3 traced;
     // as the proxy has it, and
     vec3 base;
@@ -31,13 +32,15 @@ struct PilotSample {
 };
 
 layout(set = 0, binding = 5) uniform sampler3D scalar;
-// [replicate][cell]
+// [block][replicate][cell]
 layout(set = 0, binding = 10, scalar) writeonly buffer Pilots { PilotSample pilots[]; };
 
 layout(push_constant, scalar) uniform PilotPush {
     // At most as many as the list has.
     uint cells;
     uint directions;
+    // Directions of one block.
+    uint block;
     float step_voxels;
     float proxy_step_voxels;
 };
@@ -60,7 +63,9 @@ void main() {
     uint flip = point_flip(key);
     float energies = 0.0;
     PilotSample found = PilotSample(vec3(0.0), vec3(0.0), vec3(0.0), 0u, 0u);
-    for (uint slot = 0u; slot < directions; slot++) {
+    uint begin = gl_WorkGroupID.z * block;
+    uint end = min(begin + block, directions);
+    for (uint slot = begin; slot < end; slot++) {
         uint point = point_of_sample(slot, flip);
         vec3 place = point_place(cell, point);
         vec3 towards = lattice_direction(slot, directions, shift);
@@ -77,5 +82,5 @@ void main() {
     }
     found.traced_steps = traced_steps;
     found.proxy_steps = estimate_steps;
-    pilots[replicate * cells + number] = found;
+    pilots[(gl_WorkGroupID.z * PILOT_REPLICATES + replicate) * cells + number] = found;
 }

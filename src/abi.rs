@@ -363,11 +363,12 @@ pub struct GatherTracePush {
 pub struct PilotPush {
     pub cells: u32,
     pub directions: u32,
+    pub block: u32,
     pub step_voxels: f32,
     pub proxy_step_voxels: f32,
 }
 
-/// `pilot.comp`: what one replicate found in one cell.
+/// `pilot.comp`: what one replicate found in one cell, or in a block of its directions.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[allow(missing_docs, reason = "pilot.comp documents the members")]
@@ -377,6 +378,21 @@ pub struct PilotSample {
     pub residual: [f32; 3],
     pub traced_steps: u32,
     pub proxy_steps: u32,
+}
+
+impl std::ops::Add for PilotSample {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        let sum = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|c| a[c] + b[c]);
+        Self {
+            traced: sum(self.traced, other.traced),
+            base: sum(self.base, other.base),
+            residual: sum(self.residual, other.residual),
+            traced_steps: self.traced_steps + other.traced_steps,
+            proxy_steps: self.proxy_steps + other.proxy_steps,
+        }
+    }
 }
 
 /// `include/scatter_sample.glsl`: light that a point of a cell scatters.

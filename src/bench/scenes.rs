@@ -5,12 +5,12 @@
 use crate::measure::knobs::Setting;
 use crate::measure::sweep::{Clock, Effort, Options, Sweep};
 use crate::render::Progress;
-use crate::scene::{Overrides, Sampling, Scene, Settings, load_scene};
+use crate::scene::{Overrides, Sampling, Scene, Settings, load_scene, load_scene_text};
 use crate::vk::Context;
 use crate::{Result, stats};
 use serde::Serialize;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A scene of the paper (Liu et al. 2015, table 2).
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -23,19 +23,38 @@ pub struct Case {
     pub paper_active: f64,
     /// The paper's speedups over sampling by the phase function, on a GT 540M and a GTX 550 Ti.
     pub paper_speedups: [f64; 2],
+    /// A measured volume of its kind.
+    #[serde(skip)]
+    pub real: Real,
+}
+
+/// A measured volume.
+#[derive(Clone, Copy, Debug)]
+pub struct Real {
+    /// Name of its file.
+    pub file: &'static str,
+    /// Text of its scene file.
+    scene: &'static str,
 }
 
 /// The four scenes, from few active voxels to many.
 pub const CASES: [Case; 4] = [
-    Case { name: "skull", dims: [256, 256, 256], paper_active: 18.0, paper_speedups: [2.99, 2.79] },
-    Case { name: "heart", dims: [256, 256, 256], paper_active: 23.0, paper_speedups: [2.80, 2.72] },
-    Case { name: "tree", dims: [512, 512, 182], paper_active: 32.0, paper_speedups: [2.20, 2.22] },
-    Case { name: "head", dims: [256, 256, 256], paper_active: 51.0, paper_speedups: [1.96, 2.19] },
+    Case { name: "skull", dims: [256, 256, 256], paper_active: 18.0, paper_speedups: [2.99, 2.79], real: SKULL },
+    Case { name: "heart", dims: [256, 256, 256], paper_active: 23.0, paper_speedups: [2.80, 2.72], real: HEART },
+    Case { name: "tree", dims: [512, 512, 182], paper_active: 32.0, paper_speedups: [2.20, 2.22], real: TREE },
+    Case { name: "head", dims: [256, 256, 256], paper_active: 51.0, paper_speedups: [1.96, 2.19], real: HEAD },
 ];
+
+const SKULL: Real = Real { file: "skull_ct.nrrd", scene: include_str!("../../scenes/skull.toml") };
+const HEART: Real = Real { file: "heart_ct.nii.gz", scene: include_str!("../../scenes/heart.toml") };
+const TREE: Real = Real { file: "bonsai_ct.nii.gz", scene: include_str!("../../scenes/bonsai.toml") };
+const HEAD: Real = Real { file: "head_ct.nrrd", scene: include_str!("../../scenes/head.toml") };
 
 /// Options.
 #[derive(Clone, Debug)]
 pub struct Config {
+    /// Folder of measured volumes to take in place of the phantoms.
+    pub real: Option<PathBuf>,
     /// Voxels along the longest axis; 0: as many as the paper's scenes have.
     pub edge: u32,
     /// Pixels.
@@ -113,11 +132,18 @@ pub struct Table {
 type Watch<'w> = &'w mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 fn scene_of(case: &Case, config: &Config, orders: u32) -> Result<Scene> {
+    let overrides = Overrides { size: Some(config.size), ..Overrides::default() };
+    if let Some(folder) = &config.real {
+        let overrides = Overrides { volume: Some(folder.join(case.real.file)), ..overrides };
+        let mut scene = load_scene_text(case.real.scene, Path::new(case.name), &overrides)?;
+        scene.settings.orders = orders;
+        return Ok(scene);
+    }
     let longest = case.dims.iter().copied().max().unwrap_or(1);
     let edge = if config.edge == 0 { longest } else { config.edge };
     let dims = case.dims.map(|d| (u64::from(d) * u64::from(edge)).div_ceil(u64::from(longest)).max(2) as u32);
     let volume = format!("phantom:{}:{}", case.name, stats::times(&dims));
-    let overrides = Overrides { volume: Some(volume.into()), size: Some(config.size), ..Overrides::default() };
+    let overrides = Overrides { volume: Some(volume.into()), ..overrides };
     let mut scene = load_scene(None, &overrides)?;
     scene.settings.orders = orders;
     Ok(scene)
@@ -231,7 +257,8 @@ fn measure<'a>(
 ///
 /// Errors: a render fails, or the folder cannot be written.
 pub fn run(ctx: &Context, case: Case, config: &Config, folder: &Path, progress: Watch<'_>) -> Result<Table> {
-    let folder = folder.join(case.name);
+    let kind = if config.real.is_some() { "-real" } else { "" };
+    let folder = folder.join(format!("{}{kind}", case.name));
     let scene = scene_of(&case, config, ORDERS)?;
     let (dims, all) = (scene.volume.grid.dims, settings(&scene.settings));
     let sweep = measure(ctx, scene, &folder, all, config, progress)?;
@@ -297,7 +324,15 @@ mod tests {
 
     #[test]
     fn phantoms_keep_the_shape_of_the_paper_s_volumes() {
-        let config = Config { edge: 32, size: [8, 8], seeds: 2, reference_spp: 1, clock: Clock::Device, iterations: 0 };
+        let config = Config {
+            real: None,
+            edge: 32,
+            size: [8, 8],
+            seeds: 2,
+            reference_spp: 1,
+            clock: Clock::Device,
+            iterations: 0,
+        };
         for case in CASES {
             let scene = scene_of(&case, &config, 4).unwrap();
             let expected = if case.name == "tree" { [32, 32, 12] } else { [32; 3] };

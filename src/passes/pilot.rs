@@ -20,11 +20,15 @@ const CELLS_EACH: u64 = 32;
 /// over independent ones, and above this that is known well enough.
 const MOST_DIRECTIONS: u32 = 64;
 
+/// Directions of an invocation.
+const BLOCK: u32 = 4;
+
 /// The pass.
 pub struct Pilot {
     pipeline: Pipeline,
     samples: Buffer<PilotSample>,
     directions: u32,
+    block: u32,
     steps: [f32; 2],
 }
 
@@ -41,10 +45,14 @@ impl Pilot {
         ];
         // An invocation follows every direction twice.
         let budget = rays_per_invocation(scene.params.dims, steps[0].min(steps[1])) / 2;
+        let directions = directions.clamp(1, MOST_DIRECTIONS);
+        let block = BLOCK.min(budget).max(1);
+        let parts = MOST_CELLS as u32 * constants::PILOT_REPLICATES * directions.div_ceil(block);
         Ok(Self {
             pipeline: Pipeline::new(ctx, &shaders::PILOT, &specialization)?,
-            samples: ctx.device_buffer("pilot", (MOST_CELLS as u32 * constants::PILOT_REPLICATES) as usize)?,
-            directions: directions.min(MOST_DIRECTIONS).min(budget).max(1),
+            samples: ctx.device_buffer("pilot", parts as usize)?,
+            directions,
+            block,
             steps,
         })
     }
@@ -52,6 +60,10 @@ impl Pilot {
     /// Directions of a cell.
     pub fn directions(&self) -> u32 {
         self.directions
+    }
+
+    fn blocks(&self) -> u32 {
+        self.directions.div_ceil(self.block)
     }
 
     /// Cells of the list that are looked at: of its longest segment.
@@ -77,6 +89,7 @@ impl Pilot {
         let push = PilotPush {
             cells,
             directions: self.directions,
+            block: self.block,
             step_voxels: self.steps[0],
             proxy_step_voxels: self.steps[1],
         };
@@ -97,7 +110,12 @@ impl Pilot {
             ("pilots", self.samples.bind()),
         ];
         order_compute(rec);
-        rec.dispatch(&self.pipeline, &binds, &push, [cells.div_ceil(LIST_WORKGROUP), constants::PILOT_REPLICATES, 1]);
+        rec.dispatch(
+            &self.pipeline,
+            &binds,
+            &push,
+            [cells.div_ceil(LIST_WORKGROUP), constants::PILOT_REPLICATES, self.blocks()],
+        );
     }
 
     /// What the latest pilot found, `[replicate][cell]`. Waits for the device.
@@ -107,8 +125,12 @@ impl Pilot {
         list: &List,
     ) -> Result<[Vec<PilotSample>; constants::PILOT_REPLICATES as usize]> {
         let cells = Self::cells(list) as usize;
-        let mut all = ctx.read_back_range(&self.samples, 0..cells * constants::PILOT_REPLICATES as usize)?;
-        let second = all.split_off(cells);
-        Ok([all, second])
+        let of_block = cells * constants::PILOT_REPLICATES as usize;
+        let parts = ctx.read_back_range(&self.samples, 0..of_block * self.blocks() as usize)?;
+        let mut first: Vec<PilotSample> = (0..of_block)
+            .map(|i| parts.iter().skip(i).step_by(of_block).fold(PilotSample::default(), |sum, &part| sum + part))
+            .collect();
+        let second = first.split_off(cells);
+        Ok([first, second])
     }
 }

@@ -15,7 +15,7 @@ pub mod values;
 
 pub use overrides::{LightFlag, Overrides, RawFlags};
 pub use quality::Quality;
-pub use resolve::{load_scene, merge, resolve};
+pub use resolve::{load_scene, load_scene_text, merge, resolve};
 
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;

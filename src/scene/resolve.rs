@@ -31,6 +31,15 @@ pub fn load_scene(scene_file: Option<&Path>, overrides: &Overrides) -> Result<Sc
         None if named => SceneFile::default(),
         None => SceneFile::parse(DEFAULT_SCENE, Path::new("default.toml"))?,
     };
+    load_layers(command_line, file, scene_file)
+}
+
+/// The same for the text of a scene file; `name` is for errors. Files that it names are relative to the current folder.
+pub fn load_scene_text(text: &str, name: &Path, overrides: &Overrides) -> Result<Scene> {
+    load_layers(overrides.layer()?, SceneFile::parse(text, name)?, None)
+}
+
+fn load_layers(command_line: SceneFile, file: SceneFile, scene_file: Option<&Path>) -> Result<Scene> {
     let layers = merge(command_line, file)?;
     let volume = load_volume(&layers.volume, scene_file)?;
     let mut scene = resolve(layers, volume)?;

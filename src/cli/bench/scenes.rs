@@ -3,16 +3,16 @@
 use super::super::render::{progress_bar, show_by_phase};
 use super::super::tradeoff::check_clock;
 use super::super::{DeviceArgs, in_string, name_of};
-use crate::Result;
 use crate::bench::scenes::{self, CASES, Case, Config, Row, Table};
 use crate::measure::sweep::Clock;
 use crate::output;
 use crate::scene::file::MAX_SPP;
 use crate::stats::{DeviceStats, times, to_json};
 use crate::vk::{Context, no_messages};
+use crate::{Error, Result};
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The paper's table 2 again, on phantoms of its four scenes: time and error of the ways to choose directions, time at equal
 /// noise, and error against iterations.
@@ -35,7 +35,12 @@ pub struct ScenesArgs {
     )]
     scenes: Vec<String>,
 
-    /// Voxels along the longest axis; 0: as many as the paper's volumes have.
+    /// Folder with skull_ct.nrrd, heart_ct.nii.gz, bonsai_ct.nii.gz or head_ct.nrrd: those that are there take the place of the
+    /// phantoms, and scenes whose file is missing are left out.
+    #[arg(long, value_name = "DIR", help_heading = "Bench")]
+    real: Option<PathBuf>,
+
+    /// Voxels along the longest axis of a phantom; 0: as many as the paper's volumes have.
     #[arg(
         long,
         value_name = "VOXELS",
@@ -113,6 +118,7 @@ pub fn run(args: &ScenesArgs) -> Result<String> {
     let ctx = Context::new(&args.device.config())?;
     let device = DeviceStats::of(&ctx);
     let config = Config {
+        real: args.real.clone(),
         edge: args.edge,
         size: [args.pixels; 2],
         seeds: args.seeds,
@@ -121,7 +127,15 @@ pub fn run(args: &ScenesArgs) -> Result<String> {
         iterations: args.iterations,
     };
     let bar = progress_bar(false);
-    let chosen: Vec<Case> = CASES.into_iter().filter(|c| args.scenes.iter().any(|name| name == c.name)).collect();
+    let is_there = |c: &Case| args.real.as_ref().is_none_or(|folder| folder.join(c.real.file).exists());
+    let named = CASES.into_iter().filter(|c| args.scenes.iter().any(|name| name == c.name));
+    let (chosen, missing): (Vec<Case>, Vec<Case>) = named.partition(is_there);
+    for case in &missing {
+        eprintln!("left out: {} has no {}", args.real.as_deref().unwrap_or(Path::new("")).display(), case.real.file);
+    }
+    if chosen.is_empty() {
+        return Err(Error::input("--real", "none of the scenes' volumes is there", "name the folder that they are in"));
+    }
     let mut tables = Vec::new();
     for case in chosen {
         tables.push(scenes::run(&ctx, case, &config, &args.output, &mut show_by_phase(&bar))?);
