@@ -12,7 +12,7 @@ use crate::passes::cubes::Cubes;
 use crate::passes::emptiness::{Emptiness, Measure};
 use crate::passes::mips::Mips;
 use crate::passes::proxy::{Proxy, ProxyConfig};
-use crate::scene::Scene;
+use crate::scene::{Mask, Scene};
 use crate::shaders::constants;
 use crate::stats::median;
 use crate::vk::{Buffer, Context, Image, Recorder};
@@ -194,7 +194,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     let mips_ms = build(&|rec| mips.record(rec, &lit.source))?;
     let mut proxies = Vec::new();
     for (of, bits) in [(&lit.source, 4u32), (&mips.means[0], 4), (&mips.means[0], 8)] {
-        let mask = [(0xFFu32 << (8 - bits)) as u8; 4];
+        let mask = Mask::Channels([(0xFFu32 << (8 - bits)) as u8; 4]);
         let proxy = Proxy::new(ctx, data, ProxyConfig { mask, capacity: None, zero_colors: false, withhold: 0 })?;
         let mut rec = Recorder::new(ctx)?;
         let args = lit.node_args(ctx, &mut rec)?;
@@ -204,7 +204,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
         proxy.check(ctx)?;
         let cubes = Cubes::new(ctx, dims)?;
         let cubes_ms = build(&|rec| cubes.record(rec, proxy.bucket_id()))? + ms;
-        let buckets = Proxy::counts(&ctx.read_back(proxy.control())?).buckets;
+        let buckets = proxy.counts(&ctx.read_back(proxy.control())?).buckets;
         proxies.push((bits, proxy, ms, cubes, cubes_ms, 4 * u64::from(buckets)));
     }
     progress(0.2);
