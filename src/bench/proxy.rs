@@ -385,7 +385,7 @@ fn rms(a: &[[f32; 2]], b: &[[f32; 2]], k: usize) -> f64 {
 
 /// At most `count` of `all`, one at random of each of as many equal parts: neighbours in the list are near each other, as in
 /// the gather.
-fn draw_cells(all: &[u32], count: u32, seed: u32) -> Vec<u32> {
+pub(super) fn draw_cells(all: &[u32], count: u32, seed: u32) -> Vec<u32> {
     use crate::cpu::rng::{random_float, stream_key};
     let count = (count as usize).min(all.len());
     let key = stream_key(0, u32::from_le_bytes(*b"cell"), seed, 0);
