@@ -186,7 +186,7 @@ mod tests {
     fn levels_by_hand() {
         // Opacity 1 everywhere; greys 10 and 11 often, 200 and 201 once.
         let greys = [10, 11].repeat(100).into_iter().chain([200, 201]);
-        let colors: Vec<u32> = greys.map(|grey: u32| 0xFF00_0000 | grey * 0x1_0101).collect();
+        let colors: Vec<u32> = greys.map(|grey: u32| 0xFF00_0000 | (grey * 0x1_0101)).collect();
         let of = |tolerance| quantiser(Mask::Adaptive(tolerance), &color_histogram(&colors));
         // Code 0 is that of empty voxels, and joins the level above it where there is any tolerance.
         let exact = of(0.0);

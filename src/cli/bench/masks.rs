@@ -38,7 +38,7 @@ pub struct MasksArgs {
         long,
         value_name = "MASK,...",
         value_delimiter = ',',
-        default_value = "4,2,3,5,8,adaptive:0,adaptive:0.02,adaptive:0.05,adaptive:0.1,adaptive:0.2,adaptive:0.5",
+        default_value = "4,2,3,5,8,adaptive:0,adaptive:0.05,adaptive:0.1,adaptive:0.2,adaptive:0.3,adaptive:0.5",
         help_heading = "Bench"
     )]
     masks: Vec<Mask>,
