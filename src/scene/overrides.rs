@@ -101,7 +101,7 @@ pub struct Overrides {
     #[arg(long, value_name = "SHARE", help_heading = "Method")]
     pub defence: Option<f64>,
     /// Bits per channel that the proxy keeps: 0 to 8 or eight binary digits, once or as r,g,b,a; or adaptive:TOLERANCE, as few
-    /// levels as keep the light's root mean square error to that share of its mean, 0 to 1 (0.1 for just adaptive)
+    /// levels as keep the light's root mean square error to that share of its mean, 0 to 1 (0.5 for just adaptive)
     /// [default: 11110000]
     #[arg(long, value_name = "MASK", help_heading = "Method")]
     pub mask: Option<Mask>,

@@ -199,7 +199,7 @@ pub enum Mask {
 }
 
 /// Tolerance of a mask that is just "adaptive".
-pub const ADAPTIVE_TOLERANCE: f32 = 0.1;
+pub const ADAPTIVE_TOLERANCE: f32 = 0.5;
 
 impl Mask {
     /// As the kernels use it: R in the lowest byte, or the bits of the tolerance.
