@@ -109,7 +109,7 @@ fn a_tolerance_holds_with_the_levels_of_the_twin() {
         let count = dims.iter().product::<u32>() as usize;
         let mut colors: Vec<Vec<u32>> = (1..4).map(|seed| random_colors(count, seed)).collect();
         // Grey: what is wrong in the three channels is so in the same way, and adds up.
-        colors.push(colors[0].iter().map(|&c| c & 0xFF00_0000 | (c & 0xFF) * 0x1_0101).collect());
+        colors.push(colors[0].iter().map(|&c| (c & 0xFF00_0000) | ((c & 0xFF) * 0x1_0101)).collect());
         // Without light, and without anything.
         colors.push(colors[0].iter().map(|&c| c & 0xFF00_0000).collect());
         colors.push(vec![0; count]);
@@ -175,7 +175,7 @@ fn fewest_levels(histogram: &cpu::quantiser::Histogram, tolerance: f64) -> usize
     let light = sum(constants::HISTOGRAM_LIGHT, &|code| code);
     let most = (0.5 * tolerance * light / voxels).powi(2) * voxels;
     let mut error = vec![vec![0.0; 257]; 257]; // of codes a..b in one level
-    for a in 0..256 {
+    for (a, error) in error.iter_mut().enumerate().take(256) {
         let (mut weight, mut mean, mut spread) = (0.0, 0.0, 0.0);
         for b in a..256 {
             let (added, place) = (histogram[0][b] as f64, (b * b) as f64);
@@ -185,7 +185,7 @@ fn fewest_levels(histogram: &cpu::quantiser::Histogram, tolerance: f64) -> usize
                 mean += apart * added / weight;
                 spread += added * apart * (place - mean);
             }
-            error[a][b + 1] = spread;
+            error[b + 1] = spread;
         }
     }
     let mut least: Vec<f64> = error[0].clone(); // error of codes 0..b in `levels` levels
