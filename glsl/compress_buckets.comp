@@ -6,6 +6,7 @@
 // Grid: one workgroup per tile of WORKGROUP * ROWS runs, any shape, tiles by ticket.
 #define ITEM_COUNT_BINDING 0
 #define STATUS_BINDING 9
+#define QUANTISER_BINDING 11
 #include "include/proxy.glsl"
 #include "include/item_count.glsl"
 #include "include/tile_rows.glsl"
@@ -53,7 +54,12 @@ void main() {
     if (scan.failed) {
         return;
     }
-    uint mask = proxy_control[PROXY_MASK];
+    uvec4 levels = uvec4(
+        proxy_control[PROXY_LEVELS],
+        proxy_control[PROXY_LEVELS + 1u],
+        proxy_control[PROXY_LEVELS + 2u],
+        proxy_control[PROXY_LEVELS + 3u]
+    );
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {
         uint index = item_index(tile, row);
         uint bucket = 0xFFFFFFFFu;
@@ -65,7 +71,7 @@ void main() {
             size = (run + 1u < end ? run_base[run + 1u] : voxels) - run_base[run];
             if (is_head[row] != 0u) {
                 hash_value[bucket] = sorted_hash[index];
-                bucket_color[bucket] = color_of_hash(sorted_hash[index], mask);
+                bucket_color[bucket] = color_of_hash(sorted_hash[index], levels);
             }
         }
         // Neighbours mostly share a bucket: one atomic for the subgroup then, else one each.

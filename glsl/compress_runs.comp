@@ -4,6 +4,7 @@
 // head flags, scan and writing in one pass: no flag array in memory (the paper's hash and first compression steps).
 // Grid: one workgroup per tile of WORKGROUP * ROWS voxels, any shape, tiles by ticket.
 #define STATUS_BINDING 6
+#define QUANTISER_BINDING 9
 #include "include/scene.glsl"
 #include "include/proxy.glsl"
 #include "include/tile_rows.glsl"
@@ -25,9 +26,11 @@ layout(push_constant, scalar) uniform CompressRunsPush {
     uint capacity;
 };
 
-// Equal exactly where the hashes are equal, and cheaper.
-uint masked_at(uint voxel) {
-    return texelFetch(color, ivec3(voxel_from_linear(voxel)), 0).r & proxy_control[PROXY_MASK];
+// Numbers of levels of the channels.
+uvec4 levels;
+
+uint color_at(uint voxel) {
+    return texelFetch(color, ivec3(voxel_from_linear(voxel)), 0).r;
 }
 
 // 1 where a run begins.
@@ -35,7 +38,12 @@ uint tile_item(uint voxel) {
     if (voxel >= count) {
         return 0u;
     }
-    return voxel == 0u || masked_at(voxel) != masked_at(voxel - 1u) ? 1u : 0u;
+    if (voxel == 0u) {
+        return 1u;
+    }
+    uint here = color_at(voxel);
+    uint before = color_at(voxel - 1u);
+    return here != before && hash_color(here, levels) != hash_color(before, levels) ? 1u : 0u;
 }
 
 void main() {
@@ -44,6 +52,12 @@ void main() {
     if (tile >= tiles) {
         return;
     }
+    levels = uvec4(
+        proxy_control[PROXY_LEVELS],
+        proxy_control[PROXY_LEVELS + 1u],
+        proxy_control[PROXY_LEVELS + 2u],
+        proxy_control[PROXY_LEVELS + 3u]
+    );
     uint is_head[ROWS];
     uint before[ROWS];
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {
@@ -60,7 +74,7 @@ void main() {
             uint run = scan.before + before[row] + is_head[row] - 1u;
             imageStore(bucket_id, ivec3(voxel_from_linear(voxel)), uvec4(run));
             if (is_head[row] != 0u && run < capacity) {
-                run_hash[run] = hash_color(masked_at(voxel), proxy_control[PROXY_MASK]);
+                run_hash[run] = hash_color(color_at(voxel), levels);
                 run_base[run] = voxel;
                 run_number[run] = run;
             }

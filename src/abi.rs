@@ -259,6 +259,14 @@ pub struct CompressRunsPush {
     pub capacity: u32,
 }
 
+/// `color_histogram.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ColorHistogramPush {
+    /// Voxels of the volume.
+    pub count: u32,
+}
+
 /// `proxy_plan.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -271,7 +279,7 @@ pub struct ProxyPlanPush {
     pub groups_y: u32,
     /// 1 before the first attempt.
     pub is_start: u32,
-    /// Mask of the first attempt.
+    /// Mask of the first attempt, as [`PROXY_MASK`](crate::shaders::constants::PROXY_MASK).
     pub mask: u32,
 }
 

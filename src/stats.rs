@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::Result;
-use crate::scene::{Sampling, Scene, Settings};
+use crate::scene::{Mask, Sampling, Scene, Settings};
 use crate::vk::{Context, PipelineStats, Severity, TimedPass, Validation};
 use crate::volume::Volume;
 
@@ -93,10 +93,14 @@ pub struct ProxyStats {
     pub bytes: u64,
     /// GPU time from hash to decompress.
     pub build_ms: f64,
-    /// Mask that the settings asked for, R G B A.
-    pub mask_requested: [u8; 4],
+    /// Mask that the settings asked for: bits of R G B A, or `adaptive:TOLERANCE`.
+    pub mask_requested: Mask,
     /// Mask that was used: coarser if the runs would not have fitted.
-    pub mask_used: [u8; 4],
+    pub mask_used: Mask,
+    /// Levels of R G B A.
+    pub levels: [u32; 4],
+    /// Bits of a hash: as many as the combinations of levels need.
+    pub hash_bits: u32,
 }
 
 /// The sampling `auto`. Variances are per cell and direction, in squares of the scattered light's own unit; costs are per
@@ -413,19 +417,20 @@ impl Stats {
         }
         writeln!(
             out,
-            "\n{:<6} {:>11} {:>11} {:>9} {:>10} {:>10}  mask",
-            "proxy", "voxels", "runs", "buckets", "MiB", "build ms"
+            "\n{:<6} {:>11} {:>11} {:>9} {:>10} {:>10} {:>5}  mask",
+            "proxy", "voxels", "runs", "buckets", "MiB", "build ms", "bits"
         )?;
         for p in &self.proxy {
             write!(
                 out,
-                "{:<6} {:>11} {:>11} {:>9} {:>10.2} {:>10.3}  {}",
+                "{:<6} {:>11} {:>11} {:>9} {:>10.2} {:>10.3} {:>5}  {}",
                 p.iteration,
                 p.voxels,
                 p.runs,
                 p.buckets,
                 mebibytes(p.bytes),
                 p.build_ms,
+                p.hash_bits,
                 mask_text(p.mask_used)
             )?;
             if p.mask_used != p.mask_requested {
@@ -448,9 +453,12 @@ fn mebibytes(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }
 
-/// `F0F0F0F0`: the masks of R, G, B, A in hexadecimal.
-fn mask_text(mask: [u8; 4]) -> String {
-    mask.map(|m| format!("{m:02X}")).concat()
+/// `F0F0F0F0`: the bits of R, G, B, A in hexadecimal; an adaptive mask as it is written.
+fn mask_text(mask: Mask) -> String {
+    match mask {
+        Mask::Channels(bits) => bits.map(|m| format!("{m:02X}")).concat(),
+        Mask::Adaptive(_) => mask.to_string(),
+    }
 }
 
 #[cfg(test)]
@@ -483,8 +491,10 @@ mod tests {
                 buckets: 9,
                 bytes: 1 << 20,
                 build_ms: 0.5,
-                mask_requested: [255; 4],
-                mask_used: [0xF0; 4],
+                mask_requested: Mask::Channels([255; 4]),
+                mask_used: Mask::Channels([0xF0; 4]),
+                levels: [16; 4],
+                hash_bits: 16,
             }],
             auto: None,
             path: None,
@@ -520,6 +530,8 @@ mod tests {
             "/proxy/0/build_ms",
             "/proxy/0/mask_requested/3",
             "/proxy/0/mask_used/3",
+            "/proxy/0/levels/3",
+            "/proxy/0/hash_bits",
             "/gpu_ms",
             "/wall_ms",
             "/pipelines/made",

@@ -10,7 +10,7 @@ use scenes::scene_of;
 use std::ops::ControlFlow;
 use std::time::Instant;
 use tyndall::render::{Internals, Renderer};
-use tyndall::scene::Scene;
+use tyndall::scene::{Mask, Scene};
 use tyndall::stats::ProxyStats;
 use tyndall::vk::Context;
 use tyndall::volume::phantom;
@@ -49,7 +49,7 @@ fn render(ctx: &Context, case: &str, scene: &Scene) -> ProxyStats {
     let stats = renderer.stats(scene, start.elapsed().as_secs_f64() * 1e3).unwrap();
     let proxy = stats.proxy[0].clone();
     println!(
-        "{case}: {:.1} s, {} active, {} runs, {} buckets, mask {:02x?}, proxy {} MiB, peak {} MiB, build {:.1} s",
+        "{case}: {:.1} s, {} active, {} runs, {} buckets, mask {}, proxy {} MiB, peak {} MiB, build {:.1} s",
         stats.wall_ms / 1e3,
         renderer.active_voxels(),
         proxy.runs,
@@ -74,7 +74,7 @@ fn render(ctx: &Context, case: &str, scene: &Scene) -> ProxyStats {
 fn smooth() {
     gpu_test(|ctx| {
         let proxy = render(ctx, "smooth", &scene(None, ""));
-        assert_eq!(proxy.mask_used, [0xFF; 4]);
+        assert_eq!(proxy.mask_used, Mask::Channels([0xFF; 4]));
     });
 }
 
@@ -103,7 +103,7 @@ fn with_more_runs_than_a_buffer_holds() {
         if ctx.max_storage_bytes() / 4 < voxels {
             assert_ne!(proxy.mask_used, proxy.mask_requested, "{proxy:?}: so many runs cannot fit");
         } else {
-            assert!(proxy.runs > voxels / 10 * 9 && proxy.mask_used == [0xFF; 4], "{proxy:?}");
+            assert!(proxy.runs > voxels / 10 * 9 && proxy.mask_used == Mask::Channels([0xFF; 4]), "{proxy:?}");
         }
     });
 }

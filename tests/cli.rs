@@ -133,6 +133,38 @@ fn bench_scenes_keeps_what_it_measured() {
     place.fails(&["bench", "scenes", "-o", "x", "--scenes", "teapot"], 2, &["teapot", "skull"]);
 }
 
+/// Fixed and adaptive masks on a tiny phantom: more levels are less wrong, and a tolerance holds.
+#[test]
+fn bench_masks_compares_masks() {
+    let place = Place::new();
+    let tiny = ["bench", "masks", "--volume", PHANTOM, "--rays", "256", "--runs", "1"];
+    let masks = ["--masks", "8,2,adaptive:0,adaptive:0.1,adaptive:1", "--json", "--csv", "masks.csv"];
+    let report = json(&place.succeeds(&[&tiny[..], &masks].concat()));
+    let rows = report["tables"][0]["rows"].as_array().unwrap();
+    let number = |row: usize, field: &str| rows[row][field].as_f64().unwrap_or_else(|| panic!("{field} of {rows:?}"));
+    let (eight, two, exact, tenth, whole) = (0, 1, 2, 3, 4);
+    // Both are lossless; the adaptive one has no levels that do not occur.
+    for field in ["runs", "buckets", "energy_error", "residual_variance"] {
+        assert_eq!(number(eight, field), number(exact, field), "{field}");
+    }
+    for field in ["runs", "buckets", "hash_bits"] {
+        assert!(number(exact, field) >= number(tenth, field) && number(tenth, field) > number(whole, field), "{field}");
+    }
+    assert!(number(exact, "hash_bits") < number(eight, "hash_bits"));
+    // 8 bits are wrong by something, too.
+    assert!(number(tenth, "energy_error") < 0.1 + number(exact, "energy_error"));
+    assert!(number(exact, "energy_error") < number(tenth, "energy_error"));
+    assert!(number(tenth, "energy_error") < number(two, "energy_error"));
+    for row in 0..rows.len() {
+        assert!(number(row, "build_ms") > 0.0 && number(row, "relative_time") > 0.0, "{rows:?}");
+        assert_eq!(rows[row]["mask"], rows[row]["mask_used"]);
+    }
+    let csv = fs::read_to_string(place.path("masks.csv")).unwrap();
+    assert_eq!(csv.lines().count(), rows.len() + 1);
+    place.fails(&["bench", "masks", "--volume", PHANTOM, "--masks", "9"], 2, &["--masks", "'9' is no mask"]);
+    place.fails(&["bench", "masks", "--all", "--volume", PHANTOM], 2, &["--all", "--volume"]);
+}
+
 #[test]
 fn bench_proxy_refuses_what_has_no_light() {
     let place = Place::new();

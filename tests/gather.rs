@@ -21,7 +21,7 @@ use tyndall::passes::compact::Listed;
 use tyndall::passes::gather::{Gather, GatherConfig, Gathered as What};
 use tyndall::passes::project::{Kept, Projection, Scattering};
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
-use tyndall::scene::{Environment, LightFor, Sampling, Scene};
+use tyndall::scene::{Environment, LightFor, Mask, Sampling, Scene};
 use tyndall::vk::{Access, Buffer, Context, Image, Recorder};
 use tyndall::volume::Grid;
 
@@ -69,7 +69,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     let dims = setup.host.params.dims;
     let source = random_source(ctx, &setup);
 
-    let proxy_config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
+    let proxy_config = ProxyConfig { mask: Mask::Channels([0xF0; 4]), capacity: None, zero_colors: false, withhold: 0 };
     let proxy = config.sampling.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
     let pass = Gather::new(ctx, &setup.data, config, CHUNK, what).unwrap();
     let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true, LightFor::View).unwrap();

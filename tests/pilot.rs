@@ -15,7 +15,7 @@ use tyndall::cpu::gather::Carried;
 use tyndall::passes::compact::Listed;
 use tyndall::passes::pilot::Pilot;
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
-use tyndall::scene::{Environment, Scene};
+use tyndall::scene::{Environment, Mask, Scene};
 use tyndall::vk::{Context, Recorder};
 
 const DIRECTIONS: u32 = 11;
@@ -30,7 +30,7 @@ fn pilot(ctx: &Context, scene: &Scene, steps: [f32; 2]) -> Ran {
     let setup = Setup::new(ctx, scene);
     let dims = setup.host.params.dims;
     let source = random_source(ctx, &setup);
-    let config = ProxyConfig { mask: [0xF0; 4], capacity: None, zero_colors: false, withhold: 0 };
+    let config = ProxyConfig { mask: Mask::Channels([0xF0; 4]), capacity: None, zero_colors: false, withhold: 0 };
     let proxy = Proxy::new(ctx, &setup.data, config).unwrap();
     let pass = Pilot::new(ctx, &setup.data, DIRECTIONS, steps).unwrap();
     let (list, cells) = setup.list(ctx, Listed::Cells);

@@ -15,17 +15,18 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tyndall::abi::SceneParams;
 use tyndall::cpu;
+use tyndall::cpu::quantiser::{Quantiser, color_histogram, quantiser};
 use tyndall::passes::compact::{List, Listed, Marks};
 use tyndall::passes::emptiness::Emptiness;
 use tyndall::passes::lookback::Report;
-use tyndall::passes::proxy::{Proxy, ProxyConfig, ProxyContents, mask_word};
+use tyndall::passes::proxy::{Proxy, ProxyConfig, ProxyContents};
 use tyndall::passes::scene_data::SceneData;
 use tyndall::render::{Internals, Renderer};
-use tyndall::scene::Scene;
+use tyndall::scene::{Mask, Scene};
 use tyndall::vk::{Context, Image, ImageFormat, Recorder, Validation};
 use tyndall::volume;
 
-const LOSSLESS: [u8; 4] = [0xFF; 4];
+const LOSSLESS: Mask = Mask::Channels([0xFF; 4]);
 
 /// All cases, or the first where GPU-assisted validation makes each proxy's pipelines take a minute: cases differ in
 /// numbers, not in the ways that addresses are made.
@@ -88,9 +89,13 @@ impl Bench {
 }
 
 /// Compares a proxy with the twin's of the same colours, and checks the invariants themselves.
-fn check(case: &str, got: &ProxyContents, mask: u32) {
+fn check(case: &str, got: &ProxyContents, mask: Mask) {
     assert_eq!(got.counts.mask, mask, "{case}: mask in use");
-    let twin = cpu::proxy::build(&got.color, mask);
+    let q = Quantiser::from_words(&got.quantiser, got.counts.levels);
+    let expected = quantiser(mask, &color_histogram(&got.color));
+    assert_eq!(q.levels(), expected.levels(), "{case}: levels");
+    assert_eq!(q, expected, "{case}: quantiser");
+    let twin = cpu::proxy::build(&got.color, &q);
     assert_eq!(got.counts.runs, twin.runs, "{case}: runs");
     assert_eq!(got.counts.buckets as usize, twin.hash_value.len(), "{case}: buckets");
     assert_same(&format!("{case}: hashValue"), &got.hash_value, &twin.hash_value);
@@ -104,9 +109,12 @@ fn check(case: &str, got: &ProxyContents, mask: u32) {
     assert_eq!(voxels, got.color.len() as u64, "{case}: the bucket sizes do not sum up to the voxels");
     assert!(got.hash_value.is_sorted_by(|a, b| a < b), "{case}: hashes are not ascending and distinct");
     assert_same(&format!("{case}: scan of the sizes"), &got.bucket_base, &cpu::scan::exclusive(&got.bucket_size));
-    let masked: Vec<u32> = got.color.iter().map(|&color| color & mask).collect();
+    let quantised: Vec<u32> = match mask {
+        Mask::Channels(_) => got.color.iter().map(|&color| color & mask.word()).collect(),
+        Mask::Adaptive(_) => got.color.iter().map(|&color| q.quantised(color)).collect(),
+    };
     let of_bucket: Vec<u32> = got.bucket_id.iter().map(|&id| got.bucket_color[id as usize]).collect();
-    assert_same(&format!("{case}: the voxels' buckets' colours"), &of_bucket, &masked);
+    assert_same(&format!("{case}: the voxels' buckets' colours"), &of_bucket, &quantised);
     let mut sizes = vec![0u32; got.bucket_size.len()];
     got.bucket_id.iter().for_each(|&id| sizes[id as usize] += 1);
     assert_same(&format!("{case}: voxels counted per bucket"), &got.bucket_size, &sizes);
@@ -126,8 +134,9 @@ fn check_codes(case: &str, got: &ProxyContents, scene: &SceneParams, field: &[Te
     }
     // A level apart is rounding, which is rare.
     assert!(different <= 1 + field.len() / 100, "{case}: {different} of {} colours are not the twin's", field.len());
+    let q = Quantiser::from_words(&got.quantiser, got.counts.levels);
     for (&color, &light) in got.bucket_color.iter().zip(&got.bucket_light) {
-        let twin = cpu::proxy::decode_color(scene, color, got.counts.mask, most);
+        let twin = cpu::proxy::decode_color(scene, color, q.values(color), most);
         let halves = [light as u16, (light >> 16) as u16].map(|bits| f16::from_bits(bits).to_f32());
         for (got, twin) in halves.into_iter().zip(twin) {
             // Half of a half float's step, and least steps below the normal numbers.
@@ -157,8 +166,10 @@ fn voxels(dims: [u32; 3]) -> usize {
 
 #[test]
 fn random_volumes_of_odd_sizes_under_every_kind_of_mask() {
-    // Lossless; 4 bits; 1 bit; none; each channel its own, some scattered; no opacity.
-    let masks = [LOSSLESS, [0xF0; 4], [0x80; 4], [0; 4], [0xE0, 0x81, 0x00, 0xFF], [0xFF, 0xFF, 0xFF, 0x00]];
+    // Lossless; 4 bits; 1 bit; none; each channel its own, some scattered; no opacity; chosen from the data.
+    let bits = [[0xF0; 4], [0x80; 4], [0; 4], [0xE0, 0x81, 0x00, 0xFF], [0xFF, 0xFF, 0xFF, 0x00]];
+    let adaptive = [0.0, 0.1, 1.0].map(Mask::Adaptive);
+    let masks = [vec![LOSSLESS], bits.map(Mask::Channels).to_vec(), adaptive.to_vec()].concat();
     let sizes = [[19, 17, 13], [1, 1, 1], [1, 37, 1], [3, 5, 7], [33, 29, 31]];
     gpu_test(|ctx| {
         for (i, &dims) in cases(&sizes).iter().enumerate() {
@@ -167,13 +178,13 @@ fn random_volumes_of_odd_sizes_under_every_kind_of_mask() {
                 if ((1..4).contains(&i) && j % 3 != 0) || (i == 4 && j > 1) {
                     continue;
                 }
-                let case = format!("{dims:?} under {mask:02x?}");
+                let case = format!("{dims:?} under {mask}");
                 let field = random_field(voxels(dims), if j % 2 == 0 { 0.4 } else { 1.0 }, 10 + (7 * i + j) as u64);
                 let bench = Bench::new(ctx, dims, ProxyConfig { mask, ..PLAIN });
                 let got = bench.build(ctx, &field);
-                check(&case, &got, mask_word(mask));
+                check(&case, &got, mask);
                 check_codes(&case, &got, &bench.data.params, &field);
-                if mask == LOSSLESS {
+                if [LOSSLESS, Mask::Adaptive(0.0)].contains(&mask) {
                     let exact: Vec<u32> = got.bucket_id.iter().map(|&id| got.bucket_color[id as usize]).collect();
                     assert_same(&format!("{case}: a lossless mask is exact"), &exact, &got.color);
                 }
@@ -189,7 +200,7 @@ fn a_constant_volume_has_one_bucket_and_an_empty_one_too() {
         let bench = Bench::new(ctx, dims, PLAIN);
         for (case, texel, color) in [("constant", [4.0, 1.0, 0.0, 1.0], 0xFF00_80FF), ("empty", [0.0; 4], 0)] {
             let got = bench.build(ctx, &vec![texel; voxels(dims)]);
-            check(case, &got, u32::MAX);
+            check(case, &got, LOSSLESS);
             assert_eq!((got.counts.runs, got.counts.buckets), (1, 1), "{case}");
             assert_eq!((got.bucket_size[0] as usize, got.bucket_color[0]), (voxels(dims), color), "{case}");
         }
@@ -205,7 +216,7 @@ fn all_different_voxels_have_a_bucket_each() {
         let field: Vec<Texel> =
             (0..voxels(dims) as u32).map(|i| [texel(i)[0], texel(i)[1], texel(i)[2], 1.0]).collect();
         let got = Bench::new(ctx, dims, PLAIN).build(ctx, &field);
-        check("all different", &got, u32::MAX);
+        check("all different", &got, LOSSLESS);
         assert_eq!(got.counts.buckets as usize, voxels(dims));
         assert!(got.bucket_size.iter().all(|&size| size == 1));
     });
@@ -217,9 +228,9 @@ fn one_bright_voxel_has_its_own_bucket() {
         let dims = [20, 20, 20];
         let mut field = vec![[0.0, 0.0, 0.0, 0.01]; voxels(dims)];
         field[4211] = [9000.0, 5.0, 5.0, 1.0];
-        for &mask in cases(&[LOSSLESS, [0xF0; 4]]) {
+        for &mask in cases(&[LOSSLESS, Mask::Channels([0xF0; 4]), Mask::Adaptive(0.05)]) {
             let got = Bench::new(ctx, dims, ProxyConfig { mask, ..PLAIN }).build(ctx, &field);
-            check("one bright voxel", &got, mask_word(mask));
+            check("one bright voxel", &got, mask);
             assert_eq!((got.counts.runs, got.counts.buckets), (3, 2));
             assert_eq!(got.bucket_size[got.bucket_id[4211] as usize], 1);
         }
@@ -230,14 +241,16 @@ fn one_bright_voxel_has_its_own_bucket() {
 fn rebuilt_for_other_light_it_is_as_if_new() {
     gpu_test(|ctx| {
         let dims = [19, 18, 17];
-        let bench = Bench::new(ctx, dims, ProxyConfig { mask: [0xF0; 4], ..PLAIN });
-        // More buckets, fewer, more again: nothing of an earlier build may be left.
-        for (i, active) in [0.9, 0.1, 0.6].into_iter().enumerate() {
-            let field = random_field(voxels(dims), active, 70 + i as u64);
-            let case = format!("build {i}");
-            let got = bench.build(ctx, &field);
-            check(&case, &got, 0xF0F0_F0F0);
-            check_codes(&case, &got, &bench.data.params, &field);
+        for &mask in cases(&[Mask::Channels([0xF0; 4]), Mask::Adaptive(0.02)]) {
+            let bench = Bench::new(ctx, dims, ProxyConfig { mask, ..PLAIN });
+            // More buckets, fewer, more again: nothing of an earlier build may be left.
+            for (i, active) in [0.9, 0.1, 0.6].into_iter().enumerate() {
+                let field = random_field(voxels(dims), active, 70 + i as u64);
+                let case = format!("build {i} under {mask}");
+                let got = bench.build(ctx, &field);
+                check(&case, &got, mask);
+                check_codes(&case, &got, &bench.data.params, &field);
+            }
         }
     });
 }
@@ -247,22 +260,31 @@ fn too_many_runs_take_the_finest_coarser_mask_that_fits() {
     gpu_test(|ctx| {
         let dims = [19, 17, 16];
         let field = random_field(voxels(dims), 0.9, 31);
-        let plan = |mask: [u8; 4], capacity: u32| {
+        let plan = |mask: Mask, capacity: u32| {
             let config = ProxyConfig { mask, capacity: Some(capacity), ..PLAIN };
             let got = Bench::new(ctx, dims, config).build(ctx, &field);
-            let mask = cpu::proxy::proxy_plan(&got.color, mask_word(mask), capacity);
-            let case = format!("capacity {capacity}");
+            let (mask, _) = cpu::proxy::proxy_plan(&got.color, mask, capacity);
+            let case = format!("capacity {capacity}, {mask}");
             check(&case, &got, mask);
             assert!(got.counts.runs <= capacity);
             mask
         };
         let runs = Bench::new(ctx, dims, PLAIN).build(ctx, &field).counts.runs;
-        assert_eq!(plan(LOSSLESS, runs), u32::MAX, "what just fits is not made coarser");
-        // 8 bits per channel are lost one by one; the last attempt leaves one run.
-        let capacities = [1, 7, runs / 4, runs / 2, runs - 1];
-        let masks: Vec<u32> = cases(&capacities).iter().map(|&capacity| plan(LOSSLESS, capacity)).collect();
-        assert!(masks.is_sorted() && masks[0] == 0 && masks.iter().all(|&m| m != u32::MAX), "{masks:x?}");
-        plan([0xE0, 0x81, 0x00, 0xFF], runs / 4);
+        for &lossless in cases(&[LOSSLESS, Mask::Adaptive(0.0)]) {
+            assert_eq!(plan(lossless, runs), lossless, "what just fits is not made coarser");
+            // 8 bits per channel are lost one by one, or the tolerance grows; the last attempt leaves one run.
+            let capacities = [1, 7, runs / 4, runs / 2, runs - 1];
+            let masks: Vec<Mask> = cases(&capacities).iter().map(|&capacity| plan(lossless, capacity)).collect();
+            let is_finer = |a: &Mask, b: &Mask| match (a, b) {
+                (Mask::Channels(a), Mask::Channels(b)) => a <= b,
+                (Mask::Adaptive(a), Mask::Adaptive(b)) => a >= b,
+                _ => false,
+            };
+            assert!(masks.is_sorted_by(is_finer) && masks.iter().all(|&mask| mask != lossless), "{masks:?}");
+            assert!(masks[0] == Mask::Channels([0; 4]) || masks[0] == Mask::Adaptive(2.0), "{masks:?}");
+        }
+        plan(Mask::Channels([0xE0, 0x81, 0x00, 0xFF]), runs / 4);
+        plan(Mask::Adaptive(0.01), runs / 4);
     });
 }
 
@@ -273,7 +295,7 @@ fn workgroups_that_never_publish_are_computed_for() {
         let field = random_field(voxels(dims), 1.0, 5);
         for &withhold in cases(&[2, 1]) {
             let bench = Bench::new(ctx, dims, ProxyConfig { withhold, ..PLAIN });
-            check(&format!("withhold {withhold}"), &bench.build(ctx, &field), u32::MAX);
+            check(&format!("withhold {withhold}"), &bench.build(ctx, &field), LOSSLESS);
             let Report { fallbacks, errors, .. } = bench.proxy.check(ctx).unwrap();
             assert!(fallbacks > 0 && errors == 0, "{fallbacks} fallbacks, errors {errors:#x}");
         }
@@ -291,7 +313,8 @@ fn proxy_of(ctx: &Context, scene: &Scene) -> ProxyContents {
     assert_eq!(stats.proxy.len() as u32, scene.settings.orders - 1, "a build per order beyond the first");
     let last = stats.proxy.last().unwrap();
     assert_eq!((last.runs, last.buckets), (contents.counts.runs.into(), contents.counts.buckets.into()));
-    assert_eq!(last.mask_used, contents.counts.mask.to_le_bytes());
+    assert_eq!(last.mask_used, contents.counts.mask);
+    assert_eq!((last.levels, last.hash_bits), (contents.counts.levels, contents.counts.hash_bits()));
     contents
 }
 
@@ -299,16 +322,16 @@ fn proxy_of(ctx: &Context, scene: &Scene) -> ProxyContents {
 fn the_renderer_builds_it_anew_for_every_order() {
     gpu_test(|ctx| {
         let all = [
-            ("skull", [31, 33, 29], 0xF0F0_F0F0u32, [2, 3, 4].as_slice()),
-            ("head", [24, 23, 25], u32::MAX, &[3]),
-            ("tree", [33, 32, 12], 0xC0C0_C0C0, &[2]),
+            ("skull", [31, 33, 29], Mask::Channels([0xF0; 4]), [2, 3, 4].as_slice()),
+            ("head", [24, 23, 25], LOSSLESS, &[3]),
+            ("tree", [33, 32, 12], Mask::Channels([0xC0; 4]), &[2]),
+            ("heart", [25, 23, 24], Mask::Adaptive(0.05), &[2, 3]),
         ];
         for &(name, size, mask, orders) in cases(&all) {
-            let bits = mask.count_ones() / 4;
             let mut before: Option<ProxyContents> = None;
             for &orders in cases(orders) {
                 let case = format!("{name}, order {orders}");
-                let scene = phantom_scene(name, size, &format!("{QUICK}orders = {orders}\nmask = {bits}"));
+                let scene = phantom_scene(name, size, &format!("{QUICK}orders = {orders}\nmask = '{mask}'"));
                 let got = proxy_of(ctx, &scene);
                 check(&case, &got, mask);
                 assert!(got.counts.buckets > 1, "{case}: an empty picture tests nothing");
@@ -336,12 +359,12 @@ fn real_volumes() {
             tell(format!("SKIPPED: no {}; set TYNDALL_VOLUMES to its folder", path.display()));
             continue;
         }
-        for (bits, mask) in [(4, 0xF0F0_F0F0), (8, u32::MAX)] {
+        for mask in [Mask::Channels([0xF0; 4]), LOSSLESS, Mask::Adaptive(0.05)] {
             gpu_test(|ctx| {
-                let toml = format!("preset = \"{preset}\"\n[render]\n{QUICK}orders = 2\nmask = {bits}");
+                let toml = format!("preset = \"{preset}\"\n[render]\n{QUICK}orders = 2\nmask = '{mask}'");
                 let got = proxy_of(ctx, &scene_of(&toml, volume::load(&path, None).unwrap()));
-                check(&format!("{file}, {bits} bits"), &got, mask);
-                tell(format!("{file}, {bits} bits: {:?} of {} voxels", got.counts, got.color.len()));
+                check(&format!("{file}, {mask}"), &got, mask);
+                tell(format!("{file}, {mask}: {:?} of {} voxels", got.counts, got.color.len()));
             });
         }
     }

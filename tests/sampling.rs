@@ -13,7 +13,7 @@ use std::process::Command;
 use tyndall::measure::metrics::{block_z_scores, compare};
 use tyndall::output::Picture;
 use tyndall::render::{Internals, Renderer};
-use tyndall::scene::{Precision, Sampling, Scene};
+use tyndall::scene::{Mask, Precision, Sampling, Scene};
 use tyndall::vk::{Context, Validation};
 
 const NORMAL: Internals =
@@ -349,8 +349,8 @@ fn a_proxy_with_too_little_room_gets_coarser_and_costs_only_noise() {
         let mut renderer = Renderer::new(ctx, &scene, Internals { proxy_capacity: Some(capacity), ..NORMAL }).unwrap();
         let coarse: Vec<_> = (0..SEEDS / 2).map(|seed| picture(&mut renderer, seed)).collect();
         for proxy in renderer.stats(&scene, 0.0).unwrap().proxy {
-            assert_eq!(proxy.mask_requested, [0xFF; 4]);
-            assert_ne!(proxy.mask_used, [0xFF; 4], "the mask in use is not reported: {proxy:?}");
+            assert_eq!(proxy.mask_requested, Mask::Channels([0xFF; 4]));
+            assert_ne!(proxy.mask_used, Mask::Channels([0xFF; 4]), "the mask in use is not reported: {proxy:?}");
             assert!((2..=u64::from(capacity)).contains(&proxy.runs), "{proxy:?}");
         }
         let fine = pictures(ctx, &scene, NORMAL, 1000..1000 + SEEDS / 2);

@@ -9,7 +9,7 @@ use tyndall::scene::camera::{self, Framing};
 use tyndall::scene::environment::EnvironmentTable;
 use tyndall::scene::file::SceneFile;
 use tyndall::scene::transfer::{MAX_OPACITY, data_window};
-use tyndall::scene::values::UpAxis;
+use tyndall::scene::values::{ADAPTIVE_TOLERANCE, Mask, UpAxis};
 use tyndall::scene::{
     Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Overrides, Quality,
     Sampling, Scene, Settings, ToneCurve, TransferFunction, TransferPoint, load_scene, merge, presets, resolve,
@@ -152,7 +152,7 @@ fn every_field_of_the_file_arrives() {
     assert_eq!((r.model, r.sampling, r.candidates, r.directions), (Model::Single, Sampling::Top, 64, 7));
     assert_eq!((r.orders, r.environment_directions, r.camera_step, r.gather_step), (9, 33, 0.25, 0.75));
     assert_eq!(r.inner_share, 0.75);
-    assert_eq!((r.proxy_step, r.defence, r.mask), (3.0, 1.0, [0xFF, 0xC0, 0x00, 0xE0]));
+    assert_eq!((r.proxy_step, r.defence, r.mask), (3.0, 1.0, Mask::Channels([0xFF, 0xC0, 0x00, 0xE0])));
     assert_eq!((r.size, r.spp, r.seed), ([640, 480], 2, 12345678901));
     assert_eq!((s.exposure, s.tone), (Exposure::Stops(-1.5), ToneCurve::Linear));
 }
@@ -270,6 +270,7 @@ fn errors_name_line_field_and_cure() {
     bad("[transfer]\npoints = [\n{ value = 0, color = 0.5 }]", &["test.toml:3", "missing field `opacity`"]);
     bad("[transfer]\npoints = [\n{ value = 0, colour = 1, opacity = 0 }]", &["test.toml:3", "unknown field `colour`"]);
     bad("[render]\nmask = 9", &["test.toml:2", "'9' is no mask", "binary digits"]);
+    bad("[render]\nmask = \"adaptive:2\"", &["test.toml:2", "'adaptive:2' is no mask", "a tolerance of 0 to 1"]);
     bad("[render]\nmask = [1, 2]", &["test.toml:2", "expected a number of bits"]);
     bad("[output]\nexposure = 'bright'", &["test.toml:2", "'bright' is no exposure", "auto"]);
     bad("[camera]\nup = 'z'", &["test.toml:2", "up"]);
@@ -453,6 +454,26 @@ fn what_does_not_fit_together_is_refused() {
 }
 
 #[test]
+fn masks_are_read_as_they_are_written() {
+    let usual = Mask::Adaptive(ADAPTIVE_TOLERANCE);
+    for (text, mask) in [
+        ("5", Mask::Channels([0xF8; 4])),
+        ("8,11000000,0,3", Mask::Channels([0xFF, 0xC0, 0x00, 0xE0])),
+        ("adaptive", usual),
+        ("adaptive:0.02", Mask::Adaptive(0.02)),
+        ("adaptive:-0", Mask::Adaptive(0.0)),
+    ] {
+        assert_eq!(text.parse(), Ok(mask), "{text}");
+        assert_eq!(mask.to_string().parse(), Ok(mask), "{mask}");
+        assert_eq!(mask.with_word(mask.word()), mask);
+        let file = format!("[render]\nmask = \"{text}\"");
+        assert_eq!(parse(&file).unwrap().render.mask, Some(mask), "{file}");
+        assert_eq!(flags(&["--mask", text]).unwrap().layer().unwrap().render.mask, Some(mask));
+    }
+    assert_eq!("adaptive:-0".parse::<Mask>().unwrap().word(), 0, "the kernels compare bits");
+}
+
+#[test]
 fn flags_out_of_range_are_wrong_usage() {
     let bad = |args: &[&str], parts: &[&str]| assert_error(flags(args).unwrap().layer(), 2, parts);
     bad(&["--orders", "0"], &["--orders: is 0", "at least 1"]);
@@ -471,6 +492,9 @@ fn flags_out_of_range_are_wrong_usage() {
         (["--size", "512"], "WIDTHxHEIGHT"),
         (["--raw-size", "1x2"], "XxYxZ"),
         (["--mask", "111"], "binary digits"),
+        (["--mask", "adaptive:1.5"], "a tolerance of 0 to 1"),
+        (["--mask", "adaptive:"], "a tolerance of 0 to 1"),
+        (["--mask", "adaptive0.1"], "a tolerance of 0 to 1"),
         (["--light", "spot:1,2,3"], "directional:AZIMUTH"),
         (["--light", "point:1,2,3"], "point:X,Y,Z,INTENSITY"),
         (["--preset", "nope"], "ct-bone"),
@@ -487,7 +511,7 @@ fn flags_out_of_range_are_wrong_usage() {
 fn help_states_the_true_defaults() {
     let default = tyndall::scene::Settings::default();
     let framing = Framing::default();
-    let mask = format!("{:08b}", default.mask[0]);
+    let mask = default.mask.to_string();
     let name = |v: &dyn Fn() -> Option<clap::builder::PossibleValue>| v().unwrap().get_name().to_owned();
     use clap::ValueEnum;
     let expected = [

@@ -22,22 +22,15 @@ uint encode_color(vec4 field, float most) {
     return rgb.r | rgb.g << 8u | rgb.b << 16u | a << 24u;
 }
 
-// Middle of the levels that share the kept bits of one channel.
-float middle_level(uint color, uint mask, uint shift) {
-    uint kept = color >> shift & 0xFFu;
-    uint lost = 0xFFu & ~(mask >> shift);
-    return float(kept) + 0.5 * float(lost);
-}
-
 // Mean of the channels of the source function (times radiance_scale), and extinction relative to the largest, of a
-// bucket. Colour 0 is empty space.
-vec2 decode_color(uint color, uint mask, float most) {
+// bucket. `value`: what its levels stand for (QUANTISER_VALUES). Colour 0 is empty space.
+vec2 decode_color(uint color, vec4 value, float most) {
     if (color == 0u) {
         return vec2(0.0);
     }
-    vec3 level = vec3(middle_level(color, mask, 0u), middle_level(color, mask, 8u), middle_level(color, mask, 16u)) / 255.0;
-    float opacity = min(middle_level(color, mask, 24u) / 255.0, 1.0) * most_opacity();
+    float source = (value.r + value.g + value.b) / (3.0 * float(CODE_SQUARE)) * most;
+    float opacity = value.a / 255.0 * most_opacity();
     float extinction = -log(max(1.0 - opacity, 1.0 / 65536.0)) / (scene.max_extinction * scene.mean_spacing);
-    return vec2(dot(level * level, vec3(1.0 / 3.0)) * most, min(extinction, 1.0));
+    return vec2(source, min(extinction, 1.0));
 }
 #endif

@@ -94,7 +94,12 @@ const float NO_VALUE = -3.4028235e38;
 // Largest finite half float that fields may hold; greater values are cut off.
 const float MAX_HALF = 65504.0;
 
-// Word of the proxy's control block: mask of the colour bits that the hash keeps now.
+// Values of a channel's code in the proxy's colours.
+const uint CODES = 256u;
+// Square of the largest code: what the codes of light are measured in, since they are its square roots.
+const uint CODE_SQUARE = 65025u;
+// Word of the proxy's control block: mask of the colour bits that the hash keeps now; of an adaptive mask the tolerance, as
+// a float's bits.
 const uint PROXY_MASK = 0u;
 // Word of the proxy's control block: number of runs.
 const uint PROXY_RUNS = 1u;
@@ -104,8 +109,38 @@ const uint PROXY_BUCKETS = 2u;
 const uint PROXY_RETRY = 3u;
 // Word of the proxy's control block: runs that the last attempt found, whether they fitted or not.
 const uint PROXY_FOUND = 4u;
+// First of four words of the proxy's control block: levels of every channel.
+const uint PROXY_LEVELS = 5u;
+// Word of the proxy's control block: runs that are sorted by the bits of their hash beyond EARLY_BITS: all or none.
+const uint PROXY_LATE_RUNS = 9u;
 // Words of the proxy's control block.
-const uint PROXY_WORDS = 8u;
+const uint PROXY_WORDS = 10u;
+// Bits of a hash that the sort always takes where only the GPU knows their number. Two digits, so that the result is in place.
+const uint EARLY_BITS = 16u;
+
+// First word of the quantiser's levels: one for every channel and code.
+const uint QUANTISER_LEVELS = 0u;
+// First word of the lowest codes of its levels, for every channel and level.
+const uint QUANTISER_FLOORS = 1024u;
+// First word of what the level of a code stands for, for every channel and code: a float's bits, in squares of codes for R,
+// G and B, in codes for A.
+const uint QUANTISER_VALUES = 2048u;
+// Words of the quantiser.
+const uint QUANTISER_WORDS = 3072u;
+// Row of the histogram of colours after those of R, G and B: codes of A, every voxel weighted by the square of its light.
+const uint HISTOGRAM_ENERGY = 3u;
+// Row of the histogram: codes of A, weighted by the light.
+const uint HISTOGRAM_LIGHT = 4u;
+// Row of the histogram: codes of A, the number of voxels.
+const uint HISTOGRAM_VOXELS = 5u;
+// Rows of the histogram of colours, of CODES sums in two words each, the lower one first.
+const uint HISTOGRAM_ROWS = 6u;
+// Limits to the error of a level that an adaptive mask tries; the one with the fewest levels is taken.
+const uint ADAPTIVE_CAPS = 64u;
+// From one limit to the next: the last is below a CODES-th of the first, so that all levels together cannot exceed that one.
+const float ADAPTIVE_STEP = 0.915;
+// Least tolerance of an adaptive mask that is tried where the runs do not fit; it doubles from attempt to attempt.
+const float ADAPTIVE_COARSER = 0.015625;
 
 // ENVIRONMENT: no light from all around.
 const uint ENVIRONMENT_NONE = 0u;

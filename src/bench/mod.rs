@@ -2,6 +2,7 @@
 //! turns, so that a machine that is busy now and then is so for all.
 
 pub mod lit;
+pub mod masks;
 pub mod primitives;
 pub mod proxy;
 pub mod scenes;

@@ -12,7 +12,7 @@ use crate::passes::cubes::Cubes;
 use crate::passes::emptiness::{Emptiness, Measure};
 use crate::passes::mips::Mips;
 use crate::passes::proxy::{Proxy, ProxyConfig};
-use crate::scene::Scene;
+use crate::scene::{Mask, Scene};
 use crate::shaders::constants;
 use crate::stats::median;
 use crate::vk::{Buffer, Context, Image, Recorder};
@@ -194,7 +194,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     let mips_ms = build(&|rec| mips.record(rec, &lit.source))?;
     let mut proxies = Vec::new();
     for (of, bits) in [(&lit.source, 4u32), (&mips.means[0], 4), (&mips.means[0], 8)] {
-        let mask = [(0xFFu32 << (8 - bits)) as u8; 4];
+        let mask = Mask::Channels([(0xFFu32 << (8 - bits)) as u8; 4]);
         let proxy = Proxy::new(ctx, data, ProxyConfig { mask, capacity: None, zero_colors: false, withhold: 0 })?;
         let mut rec = Recorder::new(ctx)?;
         let args = lit.node_args(ctx, &mut rec)?;
@@ -204,7 +204,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
         proxy.check(ctx)?;
         let cubes = Cubes::new(ctx, dims)?;
         let cubes_ms = build(&|rec| cubes.record(rec, proxy.bucket_id()))? + ms;
-        let buckets = Proxy::counts(&ctx.read_back(proxy.control())?).buckets;
+        let buckets = proxy.counts(&ctx.read_back(proxy.control())?).buckets;
         proxies.push((bits, proxy, ms, cubes, cubes_ms, 4 * u64::from(buckets)));
     }
     progress(0.2);
@@ -385,7 +385,7 @@ fn rms(a: &[[f32; 2]], b: &[[f32; 2]], k: usize) -> f64 {
 
 /// At most `count` of `all`, one at random of each of as many equal parts: neighbours in the list are near each other, as in
 /// the gather.
-fn draw_cells(all: &[u32], count: u32, seed: u32) -> Vec<u32> {
+pub(super) fn draw_cells(all: &[u32], count: u32, seed: u32) -> Vec<u32> {
     use crate::cpu::rng::{random_float, stream_key};
     let count = (count as usize).min(all.len());
     let key = stream_key(0, u32::from_le_bytes(*b"cell"), seed, 0);

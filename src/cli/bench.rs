@@ -1,5 +1,6 @@
 //! `tyndall bench`: what this device is fast at.
 
+mod masks;
 mod primitives;
 mod scenes;
 
@@ -26,6 +27,7 @@ pub struct Args {
 #[derive(clap::Subcommand, Debug)]
 enum Subject {
     Proxy(Box<ProxyArgs>),
+    Masks(Box<masks::MasksArgs>),
     Scan(primitives::ScanArgs),
     Sort(primitives::SortArgs),
     Scenes(scenes::ScenesArgs),
@@ -35,6 +37,7 @@ enum Subject {
 pub fn run(args: &Args) -> Result<String> {
     match &args.subject {
         Subject::Proxy(args) => run_proxy(args),
+        Subject::Masks(args) => masks::run(args),
         Subject::Scan(args) => primitives::run_scan(args),
         Subject::Sort(args) => primitives::run_sort(args),
         Subject::Scenes(args) => scenes::run(args),
@@ -95,23 +98,24 @@ pub struct ProxyArgs {
 /// Phantoms of `--all`.
 const PHANTOMS: [&str; 5] = ["skull", "head", "heart", "tree", "cloud"];
 
-impl ProxyArgs {
-    fn scenes(&self) -> Result<Vec<Scene>> {
-        let Some(edge) = self.all else { return Ok(vec![self.scene.load()?]) };
-        let of = |name: &&str| {
-            let mut overrides = self.scene.overrides.clone();
-            overrides.volume = Some(format!("phantom:{name}:{edge}x{edge}x{edge}").into());
-            scene::load_scene(None, &overrides)
-        };
-        PHANTOMS.iter().map(of).collect()
-    }
+/// Scenes of the phantoms, of `edge` voxels along each axis.
+fn phantoms(args: &SceneArgs, edge: u32) -> Result<Vec<Scene>> {
+    let of = |name: &&str| {
+        let mut overrides = args.overrides.clone();
+        overrides.volume = Some(format!("phantom:{name}:{edge}x{edge}x{edge}").into());
+        scene::load_scene(None, &overrides)
+    };
+    PHANTOMS.iter().map(of).collect()
 }
 
 fn run_proxy(args: &ProxyArgs) -> Result<String> {
     if let Some(path) = &args.csv {
         output::check_writable(path)?;
     }
-    let scenes = args.scenes()?;
+    let scenes = match args.all {
+        Some(edge) => phantoms(&args.scene, edge)?,
+        None => vec![args.scene.load()?],
+    };
     let ctx = Context::new(&args.device.config())?;
     let device = DeviceStats::of(&ctx);
     let config = proxy::Config { rays: args.rays, runs: args.runs };

@@ -20,6 +20,7 @@ pub mod phong;
 pub mod pilot;
 pub mod project;
 pub mod proxy;
+pub mod quantiser;
 pub mod radix_sort;
 pub mod rng;
 pub mod scan;

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::scene::{Environment, Precision, Sampling, Scene, Settings};
+use crate::scene::{Environment, Mask, Precision, Sampling, Scene, Settings};
 
 /// A knob, named as its flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -38,7 +38,7 @@ pub enum Knob {
     ProjectionSteps,
     /// Share of `resample`'s draw that ignores the proxy.
     Defence,
-    /// Bits that the proxy keeps.
+    /// Bits that the proxy keeps, or the tolerance of levels chosen from the data.
     Mask,
     /// Scattering orders: other orders are another truth, so their error is what truncation costs.
     Orders,
@@ -85,15 +85,14 @@ impl Knob {
 
     /// Its value as it is written on the command line.
     pub fn value(self, settings: &Settings) -> String {
+        if self == Knob::Mask {
+            return settings.mask.to_string();
+        }
         // As text first: a float becomes the shortest decimal that means it.
         let json = serde_json::to_string(settings).expect("settings always serialise");
         let json: Value = serde_json::from_str(&json).expect("JSON that was just written");
         match &json[self.field()] {
             Value::String(text) => text.clone(),
-            Value::Array(masks) => {
-                let digits: Vec<_> = masks.iter().map(|m| format!("{:08b}", m.as_u64().unwrap_or(0))).collect();
-                if digits.iter().all(|d| *d == digits[0]) { digits[0].clone() } else { digits.join(",") }
-            }
             number => number.to_string(),
         }
     }
@@ -161,8 +160,9 @@ impl Knob {
             }
             Knob::Defence => [0.2, 0.5, 0.8].iter().map(|share| with(&|s| s.defence = *share)).collect(),
             Knob::Mask => {
-                let bits = |bits: &u32| with(&|s| s.mask = [(0xFF00u32 >> bits) as u8; 4]);
-                [2, 4, 8].iter().map(bits).collect()
+                let bits = [2, 4, 8].map(|bits| Mask::Channels([(0xFF00u32 >> bits) as u8; 4]));
+                let adaptive = [0.02, 0.1, 0.3].map(Mask::Adaptive);
+                bits.into_iter().chain(adaptive).map(|mask| with(&|s| s.mask = mask)).collect()
             }
             Knob::Orders => counts(base.orders, 1024, &[0.5, 0.75, 1.5], &|s, k| s.orders = k),
         }

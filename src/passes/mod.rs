@@ -18,6 +18,7 @@ pub mod phong;
 pub mod pilot;
 pub mod project;
 pub mod proxy;
+pub mod quantiser;
 pub mod radix_sort;
 pub mod scan;
 pub mod scene_data;

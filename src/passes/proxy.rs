@@ -1,6 +1,6 @@
 //! The hash-bucket proxy of the volume's current colours (DESIGN section 2), rebuilt on the GPU for every order:
-//! hash (`source_max.comp`, `encode.comp`), compress 1 (`compress_runs.comp`), sort, compress 2
-//! (`compress_buckets.comp`), decompress (`decompress.comp`).
+//! hash (`source_max.comp`, `encode.comp`, and the [quantiser](super::quantiser)), compress 1 (`compress_runs.comp`), sort,
+//! compress 2 (`compress_buckets.comp`), decompress (`decompress.comp`).
 //!
 //! Differences from the paper: the sort's payload is the run's number, not its base, since a number gives base and size
 //! with one read each; bucketBase is the scan of bucketSize, positions in the voxels ordered by hash.
@@ -10,21 +10,24 @@
 use super::classify::voxel_grid;
 use super::compact::{ChunkArgs, List, TILE, lookback_constants};
 use super::lookback::{self, Count, Diagnostics, DispatchArgs, Report};
-use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
+use super::quantiser::Quantiser;
+use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch, Sorted};
 use super::scan::{Scan, ScanConfig, ScanScratch};
 use super::scene_data::SceneData;
 use super::tuning::Tuning;
 use super::{LIST_WORKGROUP, order_compute};
 use crate::Result;
 use crate::abi::{BucketLightPush, ChunkPush, CompressBucketsPush, CompressRunsPush, ProxyPlanPush};
+use crate::scene::Mask;
 use crate::shaders::{self, constants};
 use crate::vk::{Access, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
+use std::ops::Range;
 
 /// Options of a [`Proxy`].
 #[derive(Clone, Copy, Debug)]
 pub struct ProxyConfig {
-    /// Bits of (R, G, B, A) that the hash keeps.
-    pub mask: [u8; 4],
+    /// What the hash keeps of a colour.
+    pub mask: Mask,
     /// Runs that the lists hold; `None`: one per voxel, as far as a storage buffer goes.
     pub capacity: Option<u32>,
     /// For tests: every bucketColor is set to zero after the build, which makes all candidates look the same.
@@ -40,6 +43,7 @@ pub struct Proxy {
     bytes: u64,
     source_max_pass: Pipeline,
     encode: Pipeline,
+    quantiser: Quantiser,
     plan: Pipeline,
     compress_runs: Pipeline,
     compress_buckets: Pipeline,
@@ -76,14 +80,24 @@ struct BucketTable {
 }
 
 /// What one build found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProxyCounts {
     /// Runs of equal hash.
     pub runs: u32,
     /// Buckets.
     pub buckets: u32,
     /// Mask in use: the configured one or a coarser one.
-    pub mask: u32,
+    pub mask: Mask,
+    /// Levels of R, G, B, A.
+    pub levels: [u32; 4],
+}
+
+impl ProxyCounts {
+    /// Bits of the largest hash that there may be.
+    pub fn hash_bits(&self) -> u32 {
+        let hashes: u64 = self.levels.iter().map(|&levels| u64::from(levels)).product();
+        u64::BITS - hashes.saturating_sub(1).leading_zeros()
+    }
 }
 
 /// A proxy read back, for tests.
@@ -107,14 +121,12 @@ pub struct ProxyContents {
     pub source_max: f32,
     /// What proxy rays read of every bucket: two half floats, source function and extinction.
     pub bucket_light: Vec<u32>,
+    /// The quantiser's tables, laid out as `constants::QUANTISER_*`.
+    pub quantiser: Vec<u32>,
 }
 
-/// A per-channel mask as the kernels use it: R in the lowest byte.
-pub fn mask_word(mask: [u8; 4]) -> u32 {
-    u32::from_le_bytes(mask)
-}
-
-/// Coarser masks that may be tried: after eight every channel has lost all its bits, and one run is left.
+/// Coarser masks that may be tried: after eight every channel has lost all its bits, or the tolerance exceeds 1 and allows
+/// anything, and one run is left.
 const MAX_RETRIES: u32 = 8;
 
 impl Proxy {
@@ -123,9 +135,14 @@ impl Proxy {
         let voxels = u32::try_from(scene.voxels()).unwrap_or(u32::MAX);
         let most = (ctx.max_storage_bytes() / 4).min(u64::from(lookback::MAX_ITEMS)) as u32;
         let capacity = config.capacity.unwrap_or(u32::MAX).min(voxels).min(most).max(1);
-        let bits = mask_word(config.mask).count_ones();
         // A hash of b bits has at most 2^b values.
-        let buckets = if bits < 31 { capacity.min(1 << bits) } else { capacity };
+        let buckets = match config.mask {
+            Mask::Channels(_) if config.mask.word().count_ones() < 31 => {
+                capacity.min(1 << config.mask.word().count_ones())
+            }
+            _ => capacity,
+        };
+        let is_adaptive = matches!(config.mask, Mask::Adaptive(_));
         let withhold = config.withhold;
         let specialization = [&lookback_constants(ctx)[..], &[("WITHHOLD", withhold)]].concat();
         let list = [("WORKGROUP", LIST_WORKGROUP)];
@@ -141,7 +158,8 @@ impl Proxy {
             bytes: 0,
             source_max_pass: Pipeline::new(ctx, &shaders::SOURCE_MAX, &list)?,
             encode: Pipeline::new(ctx, &shaders::ENCODE, &list)?,
-            plan: Pipeline::new(ctx, &shaders::PROXY_PLAN, &[])?,
+            quantiser: Quantiser::new(ctx, config.mask)?,
+            plan: Pipeline::new(ctx, &shaders::PROXY_PLAN, &[("ADAPTIVE", is_adaptive.into())])?,
             compress_runs: Pipeline::new(ctx, &shaders::COMPRESS_RUNS, &specialization)?,
             compress_buckets: Pipeline::new(ctx, &shaders::COMPRESS_BUCKETS, &specialization)?,
             bucket_light_pass: Pipeline::new(ctx, &shaders::BUCKET_LIGHT, &list)?,
@@ -151,7 +169,7 @@ impl Proxy {
             args_pass: DispatchArgs::new(ctx)?,
             run_args: DispatchArgs::buffer(ctx, "proxy.run_args")?,
             bucket_args: DispatchArgs::buffer(ctx, "proxy.bucket_args")?,
-            plan_args: ctx.device_buffer("proxy.plan_args", 3)?,
+            plan_args: ctx.device_buffer("proxy.plan_args", 6)?,
             status: ctx.device_buffer("proxy.status", lookback::status_words(tiles))?,
             diagnostics: Diagnostics::new(ctx)?,
             source_max: ctx.device_buffer("proxy.source_max", 1)?,
@@ -175,7 +193,8 @@ impl Proxy {
         };
         let words = 4 * u64::from(capacity) + 5 * u64::from(buckets);
         let scratch = proxy.sort.scratch_bytes(capacity) + proxy.scan.scratch_bytes(buckets) + proxy.status.bytes();
-        proxy.bytes = 4 * words + scratch + proxy.color.bytes() + proxy.bucket_id.bytes();
+        let quantiser = proxy.quantiser.table().bytes() + proxy.quantiser.histogram().bytes();
+        proxy.bytes = 4 * words + scratch + quantiser + proxy.color.bytes() + proxy.bucket_id.bytes();
         Ok(proxy)
     }
 
@@ -214,9 +233,7 @@ impl Proxy {
         self.record_compress_runs(rec, scene);
         rec.end_pass();
         rec.begin_pass("proxy.sort", iteration);
-        let bits = 0..mask_word(self.config.mask).count_ones();
-        let runs = Count::Gpu { buffer: &self.control, offset: constants::PROXY_RUNS };
-        let sorted = self.sort.record(rec, &self.run_hash, &self.run_number, runs, bits, &self.sort_scratch);
+        let sorted = self.record_sort(rec);
         rec.end_pass();
         rec.begin_pass("proxy.compress2", iteration);
         self.record_compress_buckets(rec, scene, sorted.keys, sorted.payloads);
@@ -259,6 +276,23 @@ impl Proxy {
             // Chunks write different texels, but the image is one resource.
             order_compute(rec);
         }
+        self.quantiser.record_histogram(rec, scene, &self.color);
+    }
+
+    fn record_sort(&self, rec: &mut Recorder) -> Sorted<'_> {
+        let mut sort = |offset: u32, bits: Range<u32>| {
+            let runs = Count::Gpu { buffer: &self.control, offset };
+            self.sort.record(rec, &self.run_hash, &self.run_number, runs, bits, &self.sort_scratch)
+        };
+        match self.config.mask {
+            Mask::Channels(_) => sort(constants::PROXY_RUNS, 0..self.config.mask.word().count_ones()),
+            // How many bits there are only the GPU knows. Sorting is stable, so the upper ones may be sorted by afterwards, or
+            // not at all: of no runs. Either sort has two passes, and leaves its result where it was.
+            Mask::Adaptive(_) => {
+                sort(constants::PROXY_RUNS, 0..constants::EARLY_BITS);
+                sort(constants::PROXY_LATE_RUNS, constants::EARLY_BITS..32)
+            }
+        }
     }
 
     fn record_compress_runs(&self, rec: &mut Recorder, scene: &SceneData) {
@@ -270,7 +304,7 @@ impl Proxy {
                 groups_x: grid[0],
                 groups_y: grid[1],
                 is_start: is_start.into(),
-                mask: mask_word(self.config.mask),
+                mask: self.config.mask.word(),
             };
             order_compute(rec);
             rec.barrier(Access::IndirectRead, Access::ComputeWrite);
@@ -282,6 +316,7 @@ impl Proxy {
         // Where every voxel may have a run of its own, the first attempt always fits.
         let retries = if self.capacity < voxels { MAX_RETRIES } else { 0 };
         for _ in 0..=retries {
+            self.quantiser.record(rec, &self.control, &self.plan_args, 3);
             rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
             rec.fill(&self.status, 0);
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
@@ -296,6 +331,7 @@ impl Proxy {
                 ("status", self.status.bind()),
                 ("diagnostics", self.diagnostics.buffer().bind()),
                 ("bucket_id", self.bucket_id.storage()),
+                ("quantiser", self.quantiser.table().bind()),
             ];
             let push = CompressRunsPush { count: voxels, capacity: self.capacity };
             rec.dispatch_indirect(&self.compress_runs, &binds, &push, &self.plan_args, 0);
@@ -329,6 +365,7 @@ impl Proxy {
             ("proxy_control", self.control.bind()),
             ("status", self.status.bind()),
             ("diagnostics", self.diagnostics.buffer().bind()),
+            ("quantiser", self.quantiser.table().bind()),
         ];
         let push = CompressBucketsPush { count: constants::COUNT_ON_DEVICE, voxels: scene.voxels() as u32 };
         rec.dispatch_indirect(&self.compress_buckets, &binds, &push, &self.run_args, 0);
@@ -345,7 +382,7 @@ impl Proxy {
         let binds = [
             ("scene_block", scene.block.bind()),
             ("bucket_color", self.tables.color.bind()),
-            ("proxy_control", self.control.bind()),
+            ("quantiser", self.quantiser.table().bind()),
             ("source_max", self.source_max.bind()),
             ("args", self.bucket_args.bind()),
             ("bucket_light", self.bucket_light.bind()),
@@ -355,11 +392,13 @@ impl Proxy {
     }
 
     /// Counts from the words of [`Proxy::control`].
-    pub fn counts(words: &[u32]) -> ProxyCounts {
+    pub fn counts(&self, words: &[u32]) -> ProxyCounts {
+        let levels = constants::PROXY_LEVELS as usize;
         ProxyCounts {
             runs: words[constants::PROXY_RUNS as usize],
             buckets: words[constants::PROXY_BUCKETS as usize],
-            mask: words[constants::PROXY_MASK as usize],
+            mask: self.config.mask.with_word(words[constants::PROXY_MASK as usize]),
+            levels: words[levels..levels + 4].try_into().expect("four words"),
         }
     }
 
@@ -382,7 +421,7 @@ impl Proxy {
 
     /// Everything, for tests.
     pub fn read_back(&self, ctx: &Context) -> Result<ProxyContents> {
-        let counts = Self::counts(&ctx.read_back(&self.control)?);
+        let counts = self.counts(&ctx.read_back(&self.control)?);
         let table = |buffer| ctx.read_back_range(buffer, 0..counts.buckets as usize);
         Ok(ProxyContents {
             counts,
@@ -394,6 +433,7 @@ impl Proxy {
             bucket_size: table(&self.tables.size)?,
             source_max: f32::from_bits(ctx.read_back(&self.source_max)?[0]),
             bucket_light: table(&self.bucket_light)?,
+            quantiser: ctx.read_back(self.quantiser.table())?,
         })
     }
 }

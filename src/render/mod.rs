@@ -20,7 +20,7 @@ use crate::passes::scene_data::SceneData;
 use crate::passes::see::{self, See};
 use crate::passes::share_of;
 use crate::passes::single_scatter::SingleScatter;
-use crate::scene::{self, LightFor, Model, Precision, Sampling, Scene};
+use crate::scene::{self, LightFor, Mask, Model, Precision, Sampling, Scene};
 use crate::shaders::constants;
 use crate::stats::{AutoStats, PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
 use crate::vk::{Access, Buffer, Context, Image, Recorder, Submission, TimedPass};
@@ -82,7 +82,7 @@ pub struct Renderer<'a> {
     /// Environment directions of a cell where single scattering samples what the eye sees.
     environment_directions: u32,
     samples: u32,
-    mask: [u8; 4],
+    mask: Mask,
     data: SceneData,
     classify: Classify,
     phong: Option<Phong>,
@@ -812,7 +812,7 @@ impl<'a> Renderer<'a> {
             let log = self.ctx.read_back(&self.proxy_log)?;
             for order in self.orders_with_proxy() {
                 let at = (constants::PROXY_WORDS * (order - 1)) as usize;
-                let counts = Proxy::counts(&log[at..at + constants::PROXY_WORDS as usize]);
+                let counts = proxy.counts(&log[at..at + constants::PROXY_WORDS as usize]);
                 let is_build = |p: &&PassStats| p.iteration == order && p.name.starts_with("proxy.");
                 proxies.push(ProxyStats {
                     iteration: order,
@@ -822,7 +822,9 @@ impl<'a> Renderer<'a> {
                     bytes: proxy.bytes(),
                     build_ms: passes.iter().filter(is_build).map(|p| p.ms).sum(),
                     mask_requested: self.mask,
-                    mask_used: counts.mask.to_le_bytes(),
+                    mask_used: counts.mask,
+                    levels: counts.levels,
+                    hash_bits: counts.hash_bits(),
                 });
             }
         }

@@ -16,6 +16,7 @@ pub mod values;
 pub use overrides::{LightFlag, Overrides, RawFlags};
 pub use quality::Quality;
 pub use resolve::{load_scene, load_scene_text, merge, resolve};
+pub use values::Mask;
 
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
@@ -246,8 +247,8 @@ pub struct Settings {
     pub projection_steps: u32,
     /// β of `resample`: share of the uniform defence in the draw, in (0, 1].
     pub defence: f32,
-    /// Bits of (R, G, B, A) that the proxy's hash keeps, as 8-bit masks. [255; 4] is lossless.
-    pub mask: [u8; 4],
+    /// What the proxy's hash keeps of a colour.
+    pub mask: Mask,
     /// Picture width and height in pixels.
     pub size: [u32; 2],
     /// Camera rays per pixel; for `path` the most there may be.
@@ -280,7 +281,7 @@ impl Default for Settings {
             light_grid: 1,
             projection_steps: 6,
             defence: 0.5,
-            mask: [0xF0; 4],
+            mask: Mask::Channels([0xF0; 4]),
             size: [512, 512],
             spp: 48,
             seconds: None,

@@ -107,7 +107,9 @@ pub struct Overrides {
     /// Share of resample's draw that ignores the proxy, greater than 0, at most 1 [default: 0.5]
     #[arg(long, value_name = "SHARE", help_heading = "Method")]
     pub defence: Option<f64>,
-    /// Bits per channel that the proxy keeps: 0 to 8 or eight binary digits, once or as r,g,b,a [default: 11110000]
+    /// Bits per channel that the proxy keeps: 0 to 8 or eight binary digits, once or as r,g,b,a; or adaptive:TOLERANCE, as few
+    /// levels as keep the light's root mean square error to that share of its mean, 0 to 1 (0.5 for just adaptive)
+    /// [default: 11110000]
     #[arg(long, value_name = "MASK", help_heading = "Method")]
     pub mask: Option<Mask>,
     /// Camera rays per pixel, 1 to 65536, of themselves up to 128 where pixels are wider than voxels; path: to 16777216, which

@@ -186,7 +186,7 @@ fn settings(table: &RenderTable, dims: [u32; 3], views: usize) -> Result<Setting
         hidden_share: step(table.hidden_share, default.hidden_share),
         light_for: table.light_for.unwrap_or(if views > 1 { LightFor::EveryView } else { default.light_for }),
         defence: step(table.defence, default.defence),
-        mask: table.mask.map_or(default.mask, |m| m.0),
+        mask: table.mask.unwrap_or(default.mask),
         size,
         spp: table.spp.unwrap_or(if stops_itself { MAX_SPP } else { usual_spp }),
         seconds: table.seconds,

@@ -2,7 +2,7 @@
 
 use super::{Background, Exposure, UNLIMITED};
 use glam::{DMat3, DVec3, Vec3};
-use serde::{Deserialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
@@ -187,14 +187,61 @@ pub(super) fn write_orders<S: Serializer>(orders: &u32, serializer: S) -> Result
     }
 }
 
-/// The proxy's hash mask per channel (R, G, B, A). Each is a number of leading bits 0..8, or eight binary digits;
-/// one stands for all four channels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+/// What the proxy's hash keeps of a colour. Written as a number of leading bits 0..8 or eight binary digits, one for all
+/// channels or one for each of R, G, B, A; or as "adaptive", "adaptive:TOLERANCE".
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "MaskNotation")]
-pub struct Mask(pub [u8; 4]);
+pub enum Mask {
+    /// Bits of each channel. [255; 4] is lossless.
+    Channels([u8; 4]),
+    /// As few levels as keep the light's root mean square error to this share of its mean, 0 to 1; 0 is lossless.
+    Adaptive(f32),
+}
+
+/// Tolerance of a mask that is just "adaptive".
+pub const ADAPTIVE_TOLERANCE: f32 = 0.5;
+
+impl Mask {
+    /// As the kernels use it: R in the lowest byte, or the bits of the tolerance.
+    pub fn word(self) -> u32 {
+        match self {
+            Mask::Channels(bits) => u32::from_le_bytes(bits),
+            Mask::Adaptive(tolerance) => tolerance.to_bits(),
+        }
+    }
+
+    /// The mask of the same kind that a kernel's word stands for.
+    pub fn with_word(self, word: u32) -> Self {
+        match self {
+            Mask::Channels(_) => Mask::Channels(word.to_le_bytes()),
+            Mask::Adaptive(_) => Mask::Adaptive(f32::from_bits(word)),
+        }
+    }
+}
+
+/// As it is written on the command line.
+impl fmt::Display for Mask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Mask::Channels([r, g, b, a]) if [g, b, a] == [r; 3] => write!(f, "{r:08b}"),
+            Mask::Channels([r, g, b, a]) => write!(f, "{r:08b},{g:08b},{b:08b},{a:08b}"),
+            Mask::Adaptive(tolerance) => write!(f, "adaptive:{tolerance}"),
+        }
+    }
+}
+
+/// Bits as four numbers, a tolerance as it is written.
+impl Serialize for Mask {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Mask::Channels(bits) => bits.serialize(serializer),
+            Mask::Adaptive(_) => serializer.collect_str(self),
+        }
+    }
+}
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "expected a number of bits, \"11110000\", or four of them")]
+#[serde(untagged, expecting = "expected a number of bits, \"11110000\", or four of them, or \"adaptive\"")]
 enum MaskNotation {
     Bits(u32),
     Text(String),
@@ -230,8 +277,21 @@ impl FromStr for Mask {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let bad =
-            || format!("'{text}' is no mask: write 0 to 8 (leading bits) or eight binary digits, once or 4 times");
+        let bad = || {
+            format!(
+                "'{text}' is no mask: write 0 to 8 (leading bits) or eight binary digits, once or 4 times, or \
+                 adaptive:TOLERANCE with a tolerance of 0 to 1"
+            )
+        };
+        if let Some(rest) = text.strip_prefix("adaptive") {
+            let tolerance = match rest.strip_prefix(':') {
+                Some(number) => number.parse().map_err(|_| bad())?,
+                None if rest.is_empty() => ADAPTIVE_TOLERANCE,
+                None => return Err(bad()),
+            };
+            // -0 as 0: the kernels compare bits.
+            return if (0.0..=1.0).contains(&tolerance) { Ok(Self::Adaptive(tolerance.abs())) } else { Err(bad()) };
+        }
         let channel = |text: &str| {
             if text.len() == 8 {
                 return u8::from_str_radix(text, 2).ok().filter(|_| !text.starts_with('+'));
@@ -241,8 +301,8 @@ impl FromStr for Mask {
         };
         let channels: Option<Vec<u8>> = text.split(',').map(|c| channel(c.trim())).collect();
         match channels.ok_or_else(bad)?[..] {
-            [one] => Ok(Self([one; 4])),
-            [r, g, b, a] => Ok(Self([r, g, b, a])),
+            [one] => Ok(Self::Channels([one; 4])),
+            [r, g, b, a] => Ok(Self::Channels([r, g, b, a])),
             _ => Err(bad()),
         }
     }
