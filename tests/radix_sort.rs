@@ -11,7 +11,7 @@ use data::{Random, assert_same};
 use std::ops::Range;
 use tyndall::cpu;
 use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
-use tyndall::passes::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
+use tyndall::passes::radix_sort::{KeyKind, RadixSort, RadixSortConfig, RadixSortScratch};
 use tyndall::passes::tuning::Tuning;
 use tyndall::vk::{Context, Recorder, Validation};
 
@@ -20,6 +20,9 @@ const SMALL_TILES: RadixSortConfig = RadixSortConfig {
     workgroup: Some(128),
     keys: 1,
     payloads: true,
+    kind: KeyKind::U32,
+    descending: false,
+    ends_amid: false,
     spin_limit: 64,
     withhold: 0,
     broadcast_up_to: 8,

@@ -19,7 +19,15 @@ const SENTINEL: u32 = 0xDEAD_BEEF;
 /// Items of [`SMALL_TILES`].
 const SMALL: usize = 256;
 /// Many tiles for little work.
-const SMALL_TILES: ScanConfig = ScanConfig { inclusive: false, workgroup: 64, vectors: 1, spin_limit: 64, withhold: 0 };
+const SMALL_TILES: ScanConfig = ScanConfig {
+    inclusive: false,
+    total: false,
+    ends_amid: false,
+    workgroup: 64,
+    vectors: 1,
+    spin_limit: 64,
+    withhold: 0,
+};
 
 /// Scans `items` and compares with the twin. Items are random words, so that sums wrap.
 fn check(ctx: &Context, scan: &Scan, scratch: &ScanScratch, config: ScanConfig, items: &[u32]) -> Report {
