@@ -5,7 +5,7 @@
 
 mod own_device;
 
-use ash::vk::{AccessFlags2, PipelineStageFlags2};
+use ash::vk::{AccessFlags2, PipelineStageFlags2, ValidationFeatureEnableEXT};
 use own_device::OwnDevice;
 use tyndall::primitives::{BorrowedDevice, Buffer, Context, Count, Order, Payloads, Recorder, Recording, Sort};
 
@@ -16,7 +16,7 @@ fn main() -> tyndall::Result<()> {
 
 /// What there is to tell; `validate`: under the validation layer, which panics if it has something to say.
 pub fn run(validate: bool) -> tyndall::Result<String> {
-    let own = OwnDevice::new(validate);
+    let own = OwnDevice::new(validate.then_some(ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION));
     let count = 1_000_000;
     let own_keys = own.buffer(count);
     let random = std::iter::successors(Some(1u32), |x| Some(x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223)));

@@ -45,8 +45,8 @@ unsafe extern "system" fn keep_message(
 }
 
 impl OwnDevice {
-    /// The first device that has a queue with compute; `validate`: under core and synchronization validation.
-    pub fn new(validate: bool) -> Self {
+    /// The first device that has a queue with compute; `checks`: under core validation and these checks.
+    pub fn new(checks: Option<vk::ValidationFeatureEnableEXT>) -> Self {
         let messages = Arc::<Mutex<Vec<String>>>::default();
         let user_data = std::ptr::from_ref(&*messages).cast_mut().cast();
         let messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -56,15 +56,17 @@ impl OwnDevice {
             .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::GENERAL)
             .pfn_user_callback(Some(keep_message))
             .user_data(user_data);
-        let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
+        let enables = [checks.unwrap_or_default(), vk::ValidationFeatureEnableEXT::GPU_ASSISTED_RESERVE_BINDING_SLOT];
+        let is_gpu_assisted = checks == Some(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
+        let mut features = vk::ValidationFeaturesEXT::default()
+            .enabled_validation_features(&enables[..1 + usize::from(is_gpu_assisted)]);
         let layers = [c"VK_LAYER_KHRONOS_validation".as_ptr()];
         let extensions = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
         // Chained to the instance too, so that its making and its end are covered.
         let mut chained = messenger_info;
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
         let mut info = vk::InstanceCreateInfo::default().application_info(&application);
-        if validate {
+        if checks.is_some() {
             info = info
                 .enabled_layer_names(&layers)
                 .enabled_extension_names(&extensions)
@@ -75,7 +77,7 @@ impl OwnDevice {
         unsafe {
             let entry = ash::Entry::load().expect("a Vulkan loader");
             let instance = entry.create_instance(&info, None).expect("an instance (and the layer, to validate)");
-            let messenger = validate.then(|| {
+            let messenger = checks.map(|_| {
                 let functions = ash::ext::debug_utils::Instance::new(&entry, &instance);
                 let made = functions.create_debug_utils_messenger(&messenger_info, None).expect("a messenger");
                 (functions, made)
@@ -91,8 +93,15 @@ impl OwnDevice {
                 [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&[1.0])];
             let (mut f12, mut f13) = Default::default();
             enable_features(&mut f12, &mut f13);
-            let info =
-                vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut f12).push_next(&mut f13);
+            // The checks on the GPU write what they find from the shaders.
+            let core = vk::PhysicalDeviceFeatures::default()
+                .fragment_stores_and_atomics(is_gpu_assisted)
+                .vertex_pipeline_stores_and_atomics(is_gpu_assisted);
+            let info = vk::DeviceCreateInfo::default()
+                .queue_create_infos(&queues)
+                .enabled_features(&core)
+                .push_next(&mut f12)
+                .push_next(&mut f13);
             let device = instance.create_device(physical, &info, None).expect("a device with the features");
             let info = vk::CommandPoolCreateInfo::default().queue_family_index(queue_family);
             let pool = device.create_command_pool(&info, None).expect("a command pool");
