@@ -5,7 +5,7 @@
 // Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by ticket.
 // Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots or, when it is narrow, by broadcasts.
 // Buffers: keys_in, payloads_in -> keys_out, payloads_out (not the same memory); status (zero before the first pass):
-//   RADIX_PASSES tickets, then per pass `rows` rows of RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of
+//   RADIX_PASSES tickets and as many words that say whether all keys share the digit, then per pass `rows` rows of RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of
 //   tile t. Counts stay below 2^30, the width of a status word's value.
 // Shared memory: SCRATCH_WORDS + RADIX_DIGITS words and a few.
 //
@@ -73,6 +73,8 @@ shared uint digits[RADIX_DIGITS];
 // The digit's `digit_window`. Read anew in every phase: else compilers keep the digits of all keys
 // in registers from one phase to the next, and registers are what limits the workgroups under way.
 shared uvec2 shared_window;
+// Whether the pass only moves keys on, because all have the same digit (radix_scan.comp).
+shared uint shared_is_copy;
 
 uint digit_at(uint key) {
     return digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), key);
@@ -82,6 +84,11 @@ uint digit_at(uint key) {
 uint load_key(uint index) {
     uint key = keys_in[index];
     return pass == 0u ? image_of_key(key, KEY_KIND, DESCENDING) : key;
+}
+
+// What the pass writes of it.
+uint leaving_key(uint key) {
+    return pass + 1u == passes ? key_of_image(key, KEY_KIND, DESCENDING) : key;
 }
 
 uint counter_word(uint digit) {
@@ -257,13 +264,23 @@ void main() {
     }
     if (self == 0u) {
         shared_window = digit_window(pass, bit_begin, bit_end, digit_bits);
+        shared_is_copy = status[RADIX_PASSES + pass];
     }
     uint tile = take_tile(pass);
     uint end = item_count(count);
     if (tile >= (end + TILE - 1u) / TILE) {
         return;
     }
-    uint base = RADIX_PASSES + pass * rows * RADIX_DIGITS;
+    if (shared_is_copy != 0u) {
+        for (uint i = tile * TILE + self; i < min(end, (tile + 1u) * TILE); i += WORKGROUP) {
+            keys_out[i] = leaving_key(load_key(i));
+            if (PAYLOADS != 0u) {
+                payloads_out[i] = payloads_in[i];
+            }
+        }
+        return;
+    }
+    uint base = RADIX_HEAD + pass * rows * RADIX_DIGITS;
     uint first = self * DIGITS_EACH; // digits that this invocation looks after
     uint valid_keys = min(end - tile * TILE, TILE);
 
@@ -367,8 +384,7 @@ void main() {
         uint key = place < valid_keys ? scratch[place] : 0u;
         uint digit = digit_in(window, key);
         if (place < valid_keys) {
-            bool is_last = pass + 1u == passes;
-            keys_out[place + digits[digit]] = is_last ? key_of_image(key, KEY_KIND, DESCENDING) : key;
+            keys_out[place + digits[digit]] = leaving_key(key);
         }
         if (row % 4u == 0u) {
             written[row / 4u] = digit;

@@ -165,6 +165,23 @@ fn exact_for_every_pattern_of_keys() {
 }
 
 #[test]
+fn a_digit_that_all_keys_share_is_passed_by_without_look_back() {
+    gpu_test(|ctx| {
+        // Tiles that never publish: whoever looks back must count them.
+        let sort = RadixSort::new(ctx, RadixSortConfig { withhold: 1, ..SMALL_TILES }).unwrap();
+        let mut random = Random(12);
+        let n = 128 * 20 + 7;
+        let scratch = sort.scratch(ctx, n as u32).unwrap();
+        let report = check(ctx, &sort, &scratch, 0..32, &vec![0x1234_5678; n], "one key");
+        assert_eq!((report.fallbacks, report.spins), (0, 0));
+        let first = check(ctx, &sort, &scratch, 0..8, &random.words(n), "random").fallbacks;
+        let keys: Vec<u32> = (0..n).map(|_| 0x1234_0078 | (random.word() & 0xFF00)).collect();
+        let report = check(ctx, &sort, &scratch, 0..32, &keys, "one digit");
+        assert!(report.fallbacks >= 20 && report.fallbacks < 2 * first, "{report:?} where a pass has {first}");
+    });
+}
+
+#[test]
 fn any_window_of_bits_any_number_of_passes() {
     gpu_test(|ctx| {
         let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();

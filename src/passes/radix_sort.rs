@@ -142,8 +142,8 @@ impl Shared {
     fn of(workgroup: u32, keys: u32, has_masks: bool, min_subgroup_size: u32) -> Self {
         let words = constants::RADIX_DIGITS / 2 + if has_masks { constants::RADIX_DIGITS } else { 0 };
         let scratch_words = (workgroup * keys).max(workgroup / min_subgroup_size * words);
-        // The last three: the partial sums of the subgroups, the ticket and the window.
-        let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 2;
+        // The last four: the partial sums of the subgroups, the ticket, the window and whether it is a copy.
+        let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 2 + 1;
         Self { scratch_words, bytes: 4 * (scratch_words + small) }
     }
 }
@@ -219,7 +219,7 @@ impl RadixSort {
 
     fn status_words(&self, count: u32, passes: u32) -> u64 {
         let words = u64::from(passes) * u64::from(self.rows(count)) * u64::from(constants::RADIX_DIGITS);
-        u64::from(constants::RADIX_PASSES) + words
+        u64::from(constants::RADIX_HEAD) + words
     }
 
     /// Bytes of device memory that [`RadixSort::scratch`] takes.
