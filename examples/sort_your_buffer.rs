@@ -3,7 +3,7 @@
 //!     cargo run --example sort_your_buffer [-- --validate]
 #![allow(unsafe_code, reason = "a program that talks to Vulkan itself")]
 
-mod own_device;
+pub mod own_device;
 
 use ash::vk::{AccessFlags2, PipelineStageFlags2, ValidationFeatureEnableEXT};
 use own_device::OwnDevice;

@@ -5,15 +5,13 @@
 mod common;
 #[path = "common/data.rs"]
 mod data;
-#[path = "../examples/own_device/mod.rs"]
-mod own_device;
 #[allow(dead_code, reason = "its main is not called")]
 #[path = "../examples/sort_your_buffer.rs"]
 mod sort_your_buffer;
 
 use ash::vk::{AccessFlags2, CommandBuffer, PipelineStageFlags2, ValidationFeatureEnableEXT};
 use data::{Random, assert_same};
-use own_device::{OwnBuffer, OwnDevice};
+use sort_your_buffer::own_device::{OwnBuffer, OwnDevice};
 use std::cmp::Ordering;
 use std::ops::Range;
 use tyndall::cpu;
@@ -268,7 +266,7 @@ fn any_window_of_bits_in_place_and_elsewhere() {
         let sort = Sort::<f32>::new(ctx, order, payloads).unwrap();
         let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
         let check = Check { own, ctx, sort: &sort, scratch: &scratch, order, payloads };
-        for bits in windows.iter().cloned() {
+        for bits in &windows {
             for in_place in [false, true] {
                 check.run(&keys, keys.len(), bits.clone(), in_place, false);
             }
@@ -453,8 +451,9 @@ fn selections_of_none_some_and_all() {
             {
                 for on_gpu in [false, true] {
                     let case = format!("{n} {selected:?}, every {rarity}th, count on the GPU: {on_gpu}");
-                    let mut flag =
-                        || if rarity != 0 && random.word() % rarity == 0 { 1 << (random.word() % 32) } else { 0 };
+                    let mut flag = || {
+                        if rarity != 0 && random.word().is_multiple_of(rarity) { 1 << (random.word() % 32) } else { 0 }
+                    };
                     let flags: Vec<u32> = (0..most).map(|_| flag()).collect();
                     let unwritten = vec![0x5555_5555; most];
                     let arrays =

@@ -251,6 +251,24 @@ fn the_count_may_come_from_the_gpu() {
 }
 
 #[test]
+fn tiles_in_order_find_what_they_wait_for() {
+    // Without worker threads lavapipe runs one workgroup after another; then nothing that was published is missing.
+    if std::env::var("LP_NUM_THREADS").as_deref() != Ok("0") {
+        println!("SKIP: tiles in order need lavapipe with LP_NUM_THREADS=0");
+        return;
+    }
+    gpu_test(|ctx| {
+        if !ctx.is_cpu() {
+            return;
+        }
+        let sort = RadixSort::new(ctx, SMALL_TILES).unwrap();
+        let scratch = sort.scratch(ctx, 10_000).unwrap();
+        let report = check(ctx, &sort, &scratch, 0..32, &Random(13).words(10_000), "in order");
+        assert_eq!((report.spins, report.fallbacks), (0, 0));
+    });
+}
+
+#[test]
 fn a_suspended_tile_is_counted_by_those_that_need_it() {
     gpu_test(|ctx| {
         let keys = Random(9).words(128 * 60 + 5);

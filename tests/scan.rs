@@ -106,6 +106,24 @@ fn exact_at_every_size_between_one_and_two_default_tiles() {
 }
 
 #[test]
+fn tiles_in_order_find_what_they_wait_for() {
+    // Without worker threads lavapipe runs one workgroup after another; then nothing that was published is missing.
+    if std::env::var("LP_NUM_THREADS").as_deref() != Ok("0") {
+        println!("SKIP: tiles in order need lavapipe with LP_NUM_THREADS=0");
+        return;
+    }
+    gpu_test(|ctx| {
+        if !ctx.is_cpu() {
+            return;
+        }
+        let scan = Scan::new(ctx, SMALL_TILES).unwrap();
+        let scratch = scan.scratch(ctx, 10_000).unwrap();
+        let report = check(ctx, &scan, &scratch, SMALL_TILES, &Random(13).words(10_000));
+        assert_eq!((report.spins, report.fallbacks), (0, 0));
+    });
+}
+
+#[test]
 fn a_suspended_tile_is_computed_by_those_that_need_it() {
     gpu_test(|ctx| {
         let items = Random(2).words(SMALL * 100 + 5);

@@ -1,6 +1,7 @@
 //! A Vulkan device, buffers and command buffers by plain ash, as a program of its own has them. Of Tyndall it needs only
 //! [`enable_features`], which could be written out as well.
 #![allow(unsafe_code, reason = "a program that talks to Vulkan itself")]
+#![allow(missing_docs, reason = "the fields are Vulkan's")]
 #![allow(dead_code, reason = "examples and tests each use a part of it")]
 
 use ash::vk;

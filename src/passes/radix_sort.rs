@@ -305,7 +305,7 @@ impl RadixSort {
         let passes = bits.len().div_ceil(constants::RADIX_BITS as usize) as u32;
         let outputs = [Sorted { keys: &memory.keys, payloads: &memory.payloads }, given];
         self.record_passes(rec, given, outputs, count, (bits, passes, constants::RADIX_BITS), memory, diagnostics);
-        if passes % 2 == 0 { given } else { outputs[0] }
+        if passes.is_multiple_of(2) { given } else { outputs[0] }
     }
 
     /// Sorts the first `count` pairs of `source` into `target`, which is `source` itself or other memory; then `source`
@@ -335,7 +335,7 @@ impl RadixSort {
             passes = passes.next_multiple_of(2);
         }
         let between = Sorted { keys: &memory.keys, payloads: &memory.payloads };
-        let outputs = if passes % 2 == 0 { [between, target] } else { [target, between] };
+        let outputs = if passes.is_multiple_of(2) { [between, target] } else { [target, between] };
         let digits = (bits, passes, width.div_ceil(passes));
         self.record_passes(rec, source, outputs, count, digits, memory, diagnostics);
     }

@@ -27,7 +27,7 @@
 //! | command buffer | [`Recorder::borrowed`], [`Recording::finish`] | [`Recorder::new`], [`Recording::submit_and_wait`] |
 //!
 //! The functions called `borrowed` are `unsafe`: they trust the caller about the handles. All else is safe, and what can be
-//! checked is an [`Error`](crate::Error).
+//! checked is an [`Error`].
 //!
 //! # Memory accesses and barriers
 //!

@@ -935,12 +935,12 @@ impl Context {
     /// teardown's included.
     pub fn close(self) -> Vec<Message> {
         let Self { shared, .. } = self;
-        // SAFETY: the device is alive; waiting is allowed from the one thread that owns the context. The owner of a borrowed
-        // device has waited: its queues are not ours to touch.
-        if shared.own.is_some()
-            && let Err(result) = unsafe { shared.raw.device_wait_idle() }
-        {
-            shared.report(Severity::Error, "TYNDALL-DEVICE", &format!("vkDeviceWaitIdle: {result}"));
+        // The owner of a borrowed device has waited: its queues are not ours to touch.
+        if shared.own.is_some() {
+            // SAFETY: the device is alive; waiting is always allowed from the one thread that owns the context.
+            if let Err(result) = unsafe { shared.raw.device_wait_idle() } {
+                shared.report(Severity::Error, "TYNDALL-DEVICE", &format!("vkDeviceWaitIdle: {result}"));
+            }
         }
         let report = shared.allocator().as_ref().map(Allocator::generate_report);
         for allocation in report.into_iter().flat_map(|r| r.allocations) {
