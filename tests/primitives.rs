@@ -435,6 +435,30 @@ fn a_scan_without_total_writes_none() {
 }
 
 #[test]
+fn buffers_may_end_amid_a_vector() {
+    own_test(|own, ctx| {
+        // No guards: the checks on the GPU know where a buffer ends, not where the array does.
+        let words = Random(14).words(10_001);
+        let [items, sums] = [(); 2].map(|()| own.buffer(10_001));
+        items.write(0, &words);
+        let parts = [&items, &sums].map(|buffer| buffer.part::<u32>(ctx, 0, buffer.bytes).unwrap());
+        let scan = Scan::new(ctx, ScanKind::Inclusive, false).unwrap();
+        let sort = Sort::<u32>::new(ctx, Order::Descending, Payloads::None).unwrap();
+        let scratches = (scan.scratch(ctx, 10_001).unwrap(), sort.scratch(ctx, 10_001).unwrap());
+        let count = Count::Host(10_001);
+        run(own, ctx, |recording| {
+            scan.record(recording, &parts[0], &parts[1], None, count, &scratches.0).unwrap();
+            sort.record_keys(recording, &parts[0], count, 0..32, &scratches.1).unwrap();
+        })
+        .unwrap();
+        assert_same("sums", &sums.read(), &cpu::scan::inclusive(&words));
+        let mut expected = words;
+        expected.sort_by(|a, b| b.cmp(a));
+        assert_same("sorted", &items.read(), &expected);
+    });
+}
+
+#[test]
 fn selections_of_none_some_and_all() {
     own_test(|own, ctx| {
         for selected in [Selected::Items, Selected::Indices] {

@@ -4,6 +4,7 @@
 pub mod lit;
 pub mod primitives;
 pub mod proxy;
+pub mod rivals;
 pub mod scenes;
 
 use crate::measure::processor_ms;
