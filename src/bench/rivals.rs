@@ -5,15 +5,14 @@
 pub type Rival = (&'static str, fn(&mut [u32]));
 
 /// Those that were built in.
-pub fn sorts() -> Vec<Rival> {
-    let mut sorts: Vec<Rival> = vec![("CPU std", |keys| keys.sort_unstable())];
-    #[cfg(feature = "rivals")]
-    {
-        use rayon::slice::ParallelSliceMut;
-        sorts.push(("CPU rayon", |keys| keys.par_sort_unstable()));
-        sorts.push(("CPU radsort", |keys| radsort::sort(keys)));
-    }
-    sorts
+pub fn sorts() -> &'static [Rival] {
+    &[
+        ("CPU std", |keys| keys.sort_unstable()),
+        #[cfg(feature = "rivals")]
+        ("CPU rayon", |keys| rayon::slice::ParallelSliceMut::par_sort_unstable(keys)),
+        #[cfg(feature = "rivals")]
+        ("CPU radsort", |keys| radsort::sort(keys)),
+    ]
 }
 
 #[cfg(test)]
