@@ -201,6 +201,10 @@ fn shader(
                     AccessType::ReadWrite => "ReadWrite",
                 };
                 collect_structs(&path, ty, false, structs, &mut errors);
+                // A second view of a binding, word by word; the host binds the first.
+                if block_name.ends_with("_words") {
+                    continue;
+                }
                 bindings.insert(
                     desc_bind.bind(),
                     format!(

@@ -19,6 +19,7 @@ layout(push_constant, scalar) uniform DispatchArgsPush {
     uint offset;
     uint capacity;
     uint tile_items[2];
+    uint least_tiles; // workgroups there are even for no item: 0 or 1
 };
 
 void main() {
@@ -28,7 +29,7 @@ void main() {
         count = capacity;
     }
     for (uint i = 0u; i < 2u; i++) {
-        uint tiles = count / tile_items[i] + (count % tile_items[i] == 0u ? 0u : 1u);
+        uint tiles = max(count / tile_items[i] + (count % tile_items[i] == 0u ? 0u : 1u), least_tiles);
         uint width = min(tiles, MAX_GRID);
         args[4u * i] = width;
         args[4u * i + 1u] = width == 0u ? 1u : (tiles + width - 1u) / width;

@@ -1,7 +1,8 @@
 // Histograms of all digits of the keys in one read: the first step of the radix sort.
 //
 // Grid: one workgroup per WORKGROUP * KEYS keys, any shape. No subgroup operations.
-// Buffers: keys = input, in vectors of four; histogram[pass * RADIX_DIGITS + digit] = count (zero before the dispatch).
+// Buffers: keys = input, in vectors of four (the last may be cut, see ENDS_AMID);
+//   histogram[pass * RADIX_DIGITS + digit] = count (zero before the dispatch).
 // Shared memory: PARTS words per digit.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -19,28 +20,48 @@ layout(constant_id = 1) const uint KEYS = 128u; // per invocation, a multiple of
 // Counters per digit, for neighbouring invocations: those of one subgroup that count the same digit wait for each other.
 layout(constant_id = 2) const uint PARTS = 1u;
 const uint LOADS = 4u; // vectors of an invocation that are under way together
+// What the keys are and their order, see radix.glsl.
+layout(constant_id = 3) const uint KEY_KIND = KEY_U32;
+layout(constant_id = 4) const uint DESCENDING = 0u;
+// Whether the buffer of keys may end amid a vector.
+layout(constant_id = 5) const uint ENDS_AMID = 0u;
 
 layout(set = 0, binding = 0, std430) readonly buffer Keys { uvec4 keys[]; };
+layout(set = 0, binding = 0, scalar) readonly buffer KeysWords { uint key_words[]; };
 layout(set = 0, binding = 1, scalar) buffer Histogram { uint histogram[]; };
 
 layout(push_constant, scalar) uniform RadixHistogramPush {
     uint count; // keys, or COUNT_ON_DEVICE
     uint bit_begin;
     uint bit_end;
+    uint digit_bits; // of a pass
+    uint passes;
 };
 
 shared uint bins[RADIX_PASSES * RADIX_DIGITS * PARTS];
 
-void count_key(uint key, uint passes) {
+// The keys of a vector of which the first, 4 * i, exists.
+uvec4 load_keys(uint i, uint end) {
+    if (ENDS_AMID == 0u || 4u * i + 4u <= end) {
+        return keys[i];
+    }
+    uvec4 loaded = uvec4(0u);
+    for (uint c = 0u; 4u * i + c < end && c < 4u; c++) {
+        loaded[c] = key_words[4u * i + c];
+    }
+    return loaded;
+}
+
+void count_key(uint key) {
+    uint image = image_of_key(key, KEY_KIND, DESCENDING);
     uint part = gl_LocalInvocationIndex % PARTS;
     for (uint pass = 0u; pass < passes; pass++) {
-        uint digit = digit_of(key, pass, bit_begin, bit_end);
+        uint digit = digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), image);
         atomicAdd(bins[(pass * RADIX_DIGITS + digit) * PARTS + part], 1u, gl_ScopeWorkgroup, 0, 0);
     }
 }
 
 void main() {
-    uint passes = (bit_end - bit_begin + RADIX_BITS - 1u) / RADIX_BITS;
     for (uint i = gl_LocalInvocationIndex; i < passes * RADIX_DIGITS * PARTS; i += WORKGROUP) {
         bins[i] = 0u;
     }
@@ -53,13 +74,13 @@ void main() {
         uvec4 loaded[LOADS];
         [[unroll]] for (uint k = 0u; k < LOADS; k++) {
             uint i = first + (step + k) * WORKGROUP;
-            loaded[k] = 4u * i < end ? keys[i] : uvec4(0u);
+            loaded[k] = 4u * i < end ? load_keys(i, end) : uvec4(0u);
         }
         [[unroll]] for (uint k = 0u; k < LOADS; k++) {
             uint index = 4u * (first + (step + k) * WORKGROUP);
             [[unroll]] for (uint c = 0u; c < 4u; c++) {
                 if (index + c < end) {
-                    count_key(loaded[k][c], passes);
+                    count_key(loaded[k][c]);
                 }
             }
         }

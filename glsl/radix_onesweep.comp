@@ -1,15 +1,15 @@
-// One pass of the stable least-significant-digit radix sort of u32 keys with u32 payloads: OneSweep (Adinets and
+// One pass of the stable least-significant-digit radix sort of 32-bit keys with u32 payloads: OneSweep (Adinets and
 // Merrill, arXiv 2206.01784). Each workgroup ranks its tile, finds by look-back where its keys of each digit go, and
 // writes them: one read and one write per pair and pass.
 //
 // Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by ticket.
 // Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots or, when it is narrow, by broadcasts.
 // Buffers: keys_in, payloads_in -> keys_out, payloads_out (not the same memory); status (zero before the first pass):
-//   RADIX_PASSES tickets, then per pass `rows` rows of RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of
+//   RADIX_PASSES tickets and as many words that say whether all keys share the digit, then per pass `rows` rows of RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of
 //   tile t. Counts stay below 2^30, the width of a status word's value.
 // Shared memory: SCRATCH_WORDS + RADIX_DIGITS words and a few.
 //
-// Places beyond the count hold the largest key. They come last in the last tile and sort last, so they get places like
+// Places beyond the count hold the largest image of a key. They come last in the last tile and sort last, so they get places like
 // any other key, and only counts and stores leave them out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -37,6 +37,10 @@ layout(constant_id = 8) const uint BALLOT_WORDS = 4u;
 layout(constant_id = 9) const uint MASKS = 0u;
 // Status words that a step of look-back loads at once, so that their latencies overlap.
 layout(constant_id = 10) const uint AHEAD = 1u;
+// What the keys are and their order, see radix.glsl. The first pass turns keys into images, the last one turns them back:
+// between them all is as for u32, ascending.
+layout(constant_id = 11) const uint KEY_KIND = KEY_U32;
+layout(constant_id = 12) const uint DESCENDING = 0u;
 
 layout(set = 0, binding = 0, scalar) readonly buffer KeysIn { uint keys_in[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer PayloadsIn { uint payloads_in[]; };
@@ -46,8 +50,10 @@ layout(set = 0, binding = 3, scalar) writeonly buffer PayloadsOut { uint payload
 layout(push_constant, scalar) uniform RadixOnesweepPush {
     uint count; // pairs, or COUNT_ON_DEVICE
     uint pass;
+    uint passes;
     uint bit_begin;
     uint bit_end;
+    uint digit_bits; // of a pass
     uint rows; // status rows per pass
 };
 
@@ -67,9 +73,22 @@ shared uint digits[RADIX_DIGITS];
 // The digit's `digit_window`. Read anew in every phase: else compilers keep the digits of all keys
 // in registers from one phase to the next, and registers are what limits the workgroups under way.
 shared uvec2 shared_window;
+// Whether the pass only moves keys on, because all have the same digit (radix_scan.comp).
+shared uint shared_is_copy;
 
 uint digit_at(uint key) {
-    return digit_of(key, pass, bit_begin, bit_end);
+    return digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), key);
+}
+
+// The key at an index, as the passes between first and last see it.
+uint load_key(uint index) {
+    uint key = keys_in[index];
+    return pass == 0u ? image_of_key(key, KEY_KIND, DESCENDING) : key;
+}
+
+// What the pass writes of it.
+uint leaving_key(uint key) {
+    return pass + 1u == passes ? key_of_image(key, KEY_KIND, DESCENDING) : key;
 }
 
 uint counter_word(uint digit) {
@@ -147,7 +166,7 @@ void count_digits(uint tile, uint end) {
     for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
         if (index < end) {
-            atomicAdd(digits[digit_at(keys_in[index])], 1u, gl_ScopeWorkgroup, 0, 0);
+            atomicAdd(digits[digit_at(load_key(index))], 1u, gl_ScopeWorkgroup, 0, 0);
         }
     }
     barrier();
@@ -244,21 +263,31 @@ void main() {
         scratch[i] = 0u;
     }
     if (self == 0u) {
-        shared_window = digit_window(pass, bit_begin, bit_end);
+        shared_window = digit_window(pass, bit_begin, bit_end, digit_bits);
+        shared_is_copy = status[RADIX_PASSES + pass];
     }
     uint tile = take_tile(pass);
     uint end = item_count(count);
     if (tile >= (end + TILE - 1u) / TILE) {
         return;
     }
-    uint base = RADIX_PASSES + pass * rows * RADIX_DIGITS;
+    if (shared_is_copy != 0u) {
+        for (uint i = tile * TILE + self; i < min(end, (tile + 1u) * TILE); i += WORKGROUP) {
+            keys_out[i] = leaving_key(load_key(i));
+            if (PAYLOADS != 0u) {
+                payloads_out[i] = payloads_in[i];
+            }
+        }
+        return;
+    }
+    uint base = RADIX_HEAD + pass * rows * RADIX_DIGITS;
     uint first = self * DIGITS_EACH; // digits that this invocation looks after
     uint valid_keys = min(end - tile * TILE, TILE);
 
     uint keys[KEYS];
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
-        keys[row] = index < end ? keys_in[index] : PADDING;
+        keys[row] = index < end ? load_key(index) : PADDING;
     }
 
     // Counts first, places later: what other tiles wait for is published as early as can be.
@@ -355,7 +384,7 @@ void main() {
         uint key = place < valid_keys ? scratch[place] : 0u;
         uint digit = digit_in(window, key);
         if (place < valid_keys) {
-            keys_out[place + digits[digit]] = key;
+            keys_out[place + digits[digit]] = leaving_key(key);
         }
         if (row % 4u == 0u) {
             written[row / 4u] = digit;

@@ -1,6 +1,8 @@
 // Where each digit's keys begin: exclusive scan of every pass's histogram, written as the inclusive status words of the
 // "tile -1" of that pass, so that look-back always ends there and needs no special case.
 //
+// A pass whose digit all keys share changes no order; it is told to copy.
+//
 // Grid: one workgroup per pass. Any subgroup size >= SUBGROUP_MIN.
 // Buffers: histogram of radix_histogram.comp; status, see radix_onesweep.comp.
 #version 460
@@ -26,13 +28,20 @@ void main() {
     }
     uint first = linear_index() * DIGITS_EACH;
     uint sum = 0u;
+    uint largest = 0u;
     for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
-        sum += histogram[pass * RADIX_DIGITS + first + i];
+        uint keys = histogram[pass * RADIX_DIGITS + first + i];
+        sum += keys;
+        largest = max(largest, keys);
     }
     uint all;
     uint start = workgroup_exclusive_add(sum, all);
+    largest = workgroup_max(largest);
+    if (linear_index() == 0u && largest == all) {
+        status[RADIX_PASSES + pass] = 1u;
+    }
     for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
-        publish_status(RADIX_PASSES + pass * rows * RADIX_DIGITS + first + i, STATE_INCLUSIVE, start);
+        publish_status(RADIX_HEAD + pass * rows * RADIX_DIGITS + first + i, STATE_INCLUSIVE, start);
         start += histogram[pass * RADIX_DIGITS + first + i];
     }
 }

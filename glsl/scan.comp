@@ -2,7 +2,8 @@
 //
 // Grid: one workgroup per tile of WORKGROUP * VECTORS vectors of four items, any shape, tiles by ticket. Any subgroup
 // size >= SUBGROUP_MIN.
-// Buffers: items = input, sums = output (another buffer), both in vectors of four items.
+// Buffers: items = input, sums = output (another buffer), both in vectors of four items (the last may be cut, see ENDS_AMID);
+// totals[total_at] = sum of all items, if TOTAL.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
@@ -15,12 +16,20 @@
 
 layout(constant_id = 4) const uint VECTORS = 4u; // per invocation, at most 32 (FALLBACK_STEPS)
 layout(constant_id = 5) const uint INCLUSIVE_SCAN = 0u;
+// Whether the total is wanted. Then at least one workgroup runs.
+layout(constant_id = 6) const uint TOTAL = 0u;
+// Whether the buffers may end amid a vector.
+layout(constant_id = 7) const uint ENDS_AMID = 0u;
 
 layout(set = 0, binding = 0, std430) readonly buffer Items { uvec4 items[]; };
+layout(set = 0, binding = 0, scalar) readonly buffer ItemsWords { uint item_words[]; };
 layout(set = 0, binding = 1, std430) writeonly buffer Sums { uvec4 sums[]; };
+layout(set = 0, binding = 1, scalar) writeonly buffer SumsWords { uint sum_words[]; };
+layout(set = 0, binding = 5, scalar) writeonly buffer Totals { uint totals[]; };
 
 layout(push_constant, scalar) uniform ScanPush {
     uint count; // items, or COUNT_ON_DEVICE
+    uint total_at;
 };
 
 const uint TILE = WORKGROUP * VECTORS; // in vectors
@@ -32,6 +41,13 @@ uint vector_index(uint tile, uint row) {
 
 // The items of a vector, 0 beyond the end.
 uvec4 load_items(uint index, uint end) {
+    if (ENDS_AMID != 0u && 4u * index + 4u > end) {
+        uvec4 cut = uvec4(0u);
+        for (uint c = 0u; 4u * index + c < end && c < 4u; c++) {
+            cut[c] = item_words[4u * index + c];
+        }
+        return cut;
+    }
     uvec4 loaded = 4u * index < end ? items[index] : uvec4(0u);
     return mix(uvec4(0u), loaded, lessThan(4u * index + uvec4(0u, 1u, 2u, 3u), uvec4(end)));
 }
@@ -49,7 +65,11 @@ uint tile_share(uint tile) {
 void main() {
     uint tile = take_tile(LOOKBACK_TICKET);
     uint end = item_count(count);
-    if (tile >= (end + 4u * TILE - 1u) / (4u * TILE)) {
+    uint tiles = (end + 4u * TILE - 1u) / (4u * TILE);
+    if (tile >= tiles) {
+        if (TOTAL != 0u && end == 0u && tile == 0u && linear_index() == 0u) {
+            totals[total_at] = 0u;
+        }
         return;
     }
     uvec4 values[VECTORS];
@@ -81,8 +101,11 @@ void main() {
         } else {
             // Not one word more than was asked for.
             for (uint c = 0u; 4u * index + c < end && c < 4u; c++) {
-                sums[index][c] = result[c];
+                sum_words[4u * index + c] = result[c];
             }
         }
+    }
+    if (TOTAL != 0u && tile == tiles - 1u && linear_index() == 0u) {
+        totals[total_at] = scan.inclusive;
     }
 }

@@ -34,6 +34,8 @@ pub struct DispatchArgsPush {
     pub capacity: u32,
     /// Items per workgroup of the two dispatches.
     pub tile_items: [u32; 2],
+    /// Workgroups that there are even for no item: 0 or 1.
+    pub least_tiles: u32,
 }
 
 /// `bench_copy.comp`.
@@ -50,6 +52,18 @@ pub struct BenchCopyPush {
 pub struct ScanPush {
     /// Items, or `COUNT_ON_DEVICE`.
     pub count: u32,
+    /// Element of `totals` for the sum of all items.
+    pub total_at: u32,
+}
+
+/// `select.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SelectPush {
+    /// Items, or `COUNT_ON_DEVICE`.
+    pub count: u32,
+    /// Element of `totals` for the number of selected items.
+    pub total_at: u32,
 }
 
 /// `radix_histogram.comp`.
@@ -62,6 +76,10 @@ pub struct RadixHistogramPush {
     pub bit_begin: u32,
     /// Bit after the last to sort by.
     pub bit_end: u32,
+    /// Bits of a digit, at most `RADIX_BITS`.
+    pub digit_bits: u32,
+    /// Passes that follow.
+    pub passes: u32,
 }
 
 /// `radix_scan.comp`.
@@ -80,10 +98,14 @@ pub struct RadixOnesweepPush {
     pub count: u32,
     /// Which digit, from 0.
     pub pass: u32,
+    /// How many passes there are.
+    pub passes: u32,
     /// First bit to sort by.
     pub bit_begin: u32,
     /// Bit after the last to sort by.
     pub bit_end: u32,
+    /// Bits of a digit, at most `RADIX_BITS`.
+    pub digit_bits: u32,
     /// Status rows per pass: tiles + 1.
     pub rows: u32,
 }

@@ -8,6 +8,7 @@ pub mod error;
 pub mod measure;
 pub mod output;
 pub mod passes;
+pub mod primitives;
 pub mod render;
 pub mod scene;
 pub mod shaders;

@@ -11,7 +11,7 @@ use data::{Random, assert_same};
 use std::ops::Range;
 use tyndall::cpu;
 use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
-use tyndall::passes::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch};
+use tyndall::passes::radix_sort::{KeyKind, RadixSort, RadixSortConfig, RadixSortScratch};
 use tyndall::passes::tuning::Tuning;
 use tyndall::vk::{Context, Recorder, Validation};
 
@@ -20,6 +20,9 @@ const SMALL_TILES: RadixSortConfig = RadixSortConfig {
     workgroup: Some(128),
     keys: 1,
     payloads: true,
+    kind: KeyKind::U32,
+    descending: false,
+    ends_amid: false,
     spin_limit: 64,
     withhold: 0,
     broadcast_up_to: 8,
@@ -162,6 +165,23 @@ fn exact_for_every_pattern_of_keys() {
 }
 
 #[test]
+fn a_digit_that_all_keys_share_is_passed_by_without_look_back() {
+    gpu_test(|ctx| {
+        // Tiles that never publish: whoever looks back must count them.
+        let sort = RadixSort::new(ctx, RadixSortConfig { withhold: 1, ..SMALL_TILES }).unwrap();
+        let mut random = Random(12);
+        let n = 128 * 20 + 7;
+        let scratch = sort.scratch(ctx, n as u32).unwrap();
+        let report = check(ctx, &sort, &scratch, 0..32, &vec![0x1234_5678; n], "one key");
+        assert_eq!((report.fallbacks, report.spins), (0, 0));
+        let first = check(ctx, &sort, &scratch, 0..8, &random.words(n), "random").fallbacks;
+        let keys: Vec<u32> = (0..n).map(|_| 0x1234_0078 | (random.word() & 0xFF00)).collect();
+        let report = check(ctx, &sort, &scratch, 0..32, &keys, "one digit");
+        assert!(report.fallbacks >= 20 && report.fallbacks < 2 * first, "{report:?} where a pass has {first}");
+    });
+}
+
+#[test]
 fn any_window_of_bits_any_number_of_passes() {
     gpu_test(|ctx| {
         let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
@@ -227,6 +247,24 @@ fn the_count_may_come_from_the_gpu() {
             assert!(error.contains("'radix sort'") && error.contains("capacity"), "{error}");
         }
         sort_counted(5).2.expect("a cleared error is gone");
+    });
+}
+
+#[test]
+fn tiles_in_order_find_what_they_wait_for() {
+    // Without worker threads lavapipe runs one workgroup after another; then nothing that was published is missing.
+    if std::env::var("LP_NUM_THREADS").as_deref() != Ok("0") {
+        println!("SKIP: tiles in order need lavapipe with LP_NUM_THREADS=0");
+        return;
+    }
+    gpu_test(|ctx| {
+        if !ctx.is_cpu() {
+            return;
+        }
+        let sort = RadixSort::new(ctx, SMALL_TILES).unwrap();
+        let scratch = sort.scratch(ctx, 10_000).unwrap();
+        let report = check(ctx, &sort, &scratch, 0..32, &Random(13).words(10_000), "in order");
+        assert_eq!((report.spins, report.fallbacks), (0, 0));
     });
 }
 

@@ -19,7 +19,15 @@ const SENTINEL: u32 = 0xDEAD_BEEF;
 /// Items of [`SMALL_TILES`].
 const SMALL: usize = 256;
 /// Many tiles for little work.
-const SMALL_TILES: ScanConfig = ScanConfig { inclusive: false, workgroup: 64, vectors: 1, spin_limit: 64, withhold: 0 };
+const SMALL_TILES: ScanConfig = ScanConfig {
+    inclusive: false,
+    total: false,
+    ends_amid: false,
+    workgroup: 64,
+    vectors: 1,
+    spin_limit: 64,
+    withhold: 0,
+};
 
 /// Scans `items` and compares with the twin. Items are random words, so that sums wrap.
 fn check(ctx: &Context, scan: &Scan, scratch: &ScanScratch, config: ScanConfig, items: &[u32]) -> Report {
@@ -95,6 +103,24 @@ fn exact_at_the_largest_sizes() {
 #[ignore = "long: every size in one sweep of the default tile"]
 fn exact_at_every_size_between_one_and_two_default_tiles() {
     gpu_test(|ctx| check_sizes(ctx, Tuning::of(ctx).scan, &(4096..=8192).collect::<Vec<_>>()));
+}
+
+#[test]
+fn tiles_in_order_find_what_they_wait_for() {
+    // Without worker threads lavapipe runs one workgroup after another; then nothing that was published is missing.
+    if std::env::var("LP_NUM_THREADS").as_deref() != Ok("0") {
+        println!("SKIP: tiles in order need lavapipe with LP_NUM_THREADS=0");
+        return;
+    }
+    gpu_test(|ctx| {
+        if !ctx.is_cpu() {
+            return;
+        }
+        let scan = Scan::new(ctx, SMALL_TILES).unwrap();
+        let scratch = scan.scratch(ctx, 10_000).unwrap();
+        let report = check(ctx, &scan, &scratch, SMALL_TILES, &Random(13).words(10_000));
+        assert_eq!((report.spins, report.fallbacks), (0, 0));
+    });
 }
 
 #[test]

@@ -40,8 +40,16 @@ const uint LOOKBACK_HEAD = 1u;
 const uint RADIX_BITS = 8u;
 // Values of a radix sort digit.
 const uint RADIX_DIGITS = 256u;
-// Most passes of a radix sort: all bits of a u32. Also the words of its `status` before the rows, a ticket each.
+// Most passes of a radix sort: all bits of a u32.
 const uint RADIX_PASSES = 4u;
+// Words of a radix sort's `status` before the rows: a ticket per pass, then per pass whether all keys share the digit.
+const uint RADIX_HEAD = 8u;
+// KEY_KIND: the key is a u32.
+const uint KEY_U32 = 0u;
+// KEY_KIND: the key is the bits of an i32.
+const uint KEY_I32 = 1u;
+// KEY_KIND: the key is the bits of an f32, in the order of IEEE 754's totalOrder.
+const uint KEY_F32 = 2u;
 
 // Factor on two scalars before their difference is divided: the difference of any two floats times it is below 2^126, beyond
 // which devices divide by zero in place of a number (Vulkan, precision of OpFDiv).

@@ -5,6 +5,7 @@ pub mod lit;
 pub mod masks;
 pub mod primitives;
 pub mod proxy;
+pub mod rivals;
 pub mod scenes;
 
 use crate::measure::processor_ms;

@@ -12,6 +12,7 @@ use crate::vk::{Access, Buffer, Context, Recorder};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::cell::Cell;
+use std::time::Instant;
 
 /// Options.
 #[derive(Clone, Debug)]
@@ -24,6 +25,8 @@ pub struct Config {
     pub bits: u32,
     /// Timed runs of everything.
     pub runs: u32,
+    /// Whether keys are sorted on the CPU too ([`super::rivals`]).
+    pub rivals: bool,
 }
 
 /// Bytes that a scan must move per item: one read and one write.
@@ -267,6 +270,26 @@ fn mixed(key: u32) -> u64 {
     (key ^ key >> 29).wrapping_mul(0x94D0_49BB_1331_11EB)
 }
 
+/// Times sorts of keys on the CPU, by the clock.
+fn rivals(config: &Config, keys: &[u32], ands: u32) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for (what, sort) in super::rivals::sorts() {
+        for &n in &config.sizes {
+            let times: Vec<f64> = (0..config.runs)
+                .map(|_| {
+                    let mut keys = keys[..n as usize].to_vec();
+                    let start = Instant::now();
+                    sort(&mut keys);
+                    1e3 * start.elapsed().as_secs_f64()
+                })
+                .collect();
+            // What had to move is a figure of the GPU's sort.
+            rows.push(Row::new(what, n, Some(entropy_of(ands)), 0, &times));
+        }
+    }
+    rows
+}
+
 /// Times sorts of keys, with and without payloads, and copies. `progress` gets the part that is done.
 ///
 /// Errors: the device fails, has no timestamps, or sorts wrongly.
@@ -288,6 +311,9 @@ pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &m
         let what = if payloads { "sort pairs" } else { "sort keys" };
         for &ands in &config.ands {
             let keys: Vec<u32> = keys(most, ands).into_iter().map(|key| key >> (32 - config.bits)).collect();
+            if config.rivals && !payloads {
+                rows.extend(rivals(config, &keys, ands));
+            }
             let unsorted = ctx.upload("bench.unsorted", &keys)?;
             for &n in &config.sizes {
                 let prepare = |rec: &mut Recorder| {

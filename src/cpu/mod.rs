@@ -26,6 +26,7 @@ pub mod rng;
 pub mod scan;
 pub mod scene;
 pub mod see;
+pub mod select;
 pub mod single_scatter;
 pub mod sphere;
 pub mod spread;

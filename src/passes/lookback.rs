@@ -33,6 +33,14 @@ impl Count<'_> {
             Count::Gpu { .. } => constants::COUNT_ON_DEVICE,
         }
     }
+
+    /// For the dispatch of a kernel of which one workgroup runs even for no item.
+    pub(super) fn at_least_one(self) -> Self {
+        match self {
+            Count::Host(n) => Count::Host(n.max(1)),
+            on_gpu => on_gpu,
+        }
+    }
 }
 
 /// Checks a capacity before anything is allocated for it.
@@ -88,7 +96,53 @@ pub fn status_words(tiles: u32) -> usize {
     constants::LOOKBACK_HEAD as usize + 2 * tiles as usize
 }
 
+/// Arrays of so many words by name: memory of their own, or parts of `memory`, each where a binding may start.
+///
+/// Errors: memory runs out, `memory` is too small, or an array is longer than a binding may be.
+pub(super) fn arrays<const N: usize>(
+    ctx: &Context,
+    memory: Option<&Buffer<u32>>,
+    parts: [(&'static str, u64); N],
+) -> Result<[Buffer<u32>; N]> {
+    let mut made = Vec::with_capacity(N);
+    let mut at = 0;
+    for (name, words) in parts {
+        made.push(match memory {
+            None => ctx.device_buffer(name, words as usize)?,
+            Some(memory) => {
+                let (end, limit) = (at + words.max(1), ctx.max_storage_bytes());
+                if 4 * words > limit {
+                    return Err(too_large(name, 4 * words, limit, "maxStorageBufferRange"));
+                }
+                if end > memory.len() as u64 {
+                    let needed = 4 * arrays_words(ctx, &parts);
+                    return Err(too_large(memory.name(), needed, 4 * memory.len() as u64, "the memory handed over"));
+                }
+                memory.slice(at as usize..end as usize)
+            }
+        });
+        at = (at + words.max(1)).next_multiple_of(array_step(ctx));
+    }
+    Ok(made.try_into().unwrap_or_else(|_| unreachable!("one array per part")))
+}
+
+fn too_large(object: &str, needed: u64, limit: u64, limit_name: &'static str) -> Error {
+    let cure = "give more memory, or make room for fewer items".into();
+    Error::DeviceMemory { object: object.to_owned(), needed, limit, limit_name, cure }
+}
+
+/// Words that [`arrays`] takes of `memory`.
+pub(super) fn arrays_words(ctx: &Context, parts: &[(&'static str, u64)]) -> u64 {
+    parts.iter().fold(0, |at: u64, (_, words)| at.next_multiple_of(array_step(ctx)) + (*words).max(1))
+}
+
+/// Words between places where an array may start.
+fn array_step(ctx: &Context) -> u64 {
+    ctx.storage_alignment().max(16) / 4
+}
+
 /// What kernels with look-back report, added up since the last [`Diagnostics::clear`].
+#[derive(Clone)]
 pub struct Diagnostics {
     buffer: Buffer<u32>,
 }
@@ -110,6 +164,11 @@ impl Diagnostics {
         Ok(Self { buffer: ctx.upload("lookback.diagnostics", &[0u32; constants::DIAGNOSTICS_WORDS as usize])? })
     }
 
+    /// Counters that [`Diagnostics::clear`] must set to zero before they are used.
+    pub(crate) fn uncleared(ctx: &Context) -> Result<Self> {
+        Ok(Self { buffer: ctx.device_buffer("lookback.diagnostics", constants::DIAGNOSTICS_WORDS as usize)? })
+    }
+
     /// The buffer that kernels bind as `diagnostics`.
     pub fn buffer(&self) -> &Buffer<u32> {
         &self.buffer
@@ -124,26 +183,36 @@ impl Diagnostics {
 
     /// The counters, after the submission has finished.
     pub fn read(&self, ctx: &Context) -> Result<Report> {
-        let words = ctx.read_back(&self.buffer)?;
-        Ok(Report {
-            spins: words[constants::DIAGNOSTICS_SPINS as usize],
-            fallbacks: words[constants::DIAGNOSTICS_FALLBACKS as usize],
-            errors: words[constants::DIAGNOSTICS_ERRORS as usize],
-        })
+        Ok(Report::of(&ctx.read_back(&self.buffer)?))
     }
 
     /// The counters, or an error that names `pass` if a kernel reported that its result cannot be trusted.
     pub fn check(&self, ctx: &Context, pass: &'static str) -> Result<Report> {
-        let report = self.read(ctx)?;
+        self.read(ctx)?.check(pass)
+    }
+}
+
+impl Report {
+    /// The words of [`Diagnostics::buffer`].
+    pub(crate) fn of(words: &[u32]) -> Self {
+        Self {
+            spins: words[constants::DIAGNOSTICS_SPINS as usize],
+            fallbacks: words[constants::DIAGNOSTICS_FALLBACKS as usize],
+            errors: words[constants::DIAGNOSTICS_ERRORS as usize],
+        }
+    }
+
+    /// Itself, or an error that names `pass` if a kernel reported that its result cannot be trusted.
+    pub(crate) fn check(self, pass: &'static str) -> Result<Self> {
         let problems: Vec<&str> = [
             (constants::ERROR_BUDGET, "look-back ran out of its loop budget"),
             (constants::ERROR_COUNT, "a count exceeds the capacity that was allocated for it"),
             (constants::ERROR_SUBGROUPS, "subgroups are not full or smaller than the device promised"),
         ]
         .into_iter()
-        .filter_map(|(bit, text)| (report.errors & bit != 0).then_some(text))
+        .filter_map(|(bit, text)| (self.errors & bit != 0).then_some(text))
         .collect();
-        if report.errors == 0 { Ok(report) } else { Err(Error::Device { pass, problem: problems.join("; ") }) }
+        if self.errors == 0 { Ok(self) } else { Err(Error::Device { pass, problem: problems.join("; ") }) }
     }
 }
 
@@ -171,19 +240,47 @@ impl DispatchArgs {
     pub fn record(
         &self,
         rec: &mut Recorder,
-        (counts, offset): (&Buffer<u32>, u32),
+        counts: (&Buffer<u32>, u32),
         capacity: u32,
         tile_items: [u32; 2],
         args: &Buffer<u32>,
         diagnostics: &Diagnostics,
     ) {
+        let (offset, least_tiles) = (counts.1, 0);
+        let push = DispatchArgsPush { offset, capacity, tile_items, least_tiles };
+        self.record_push(rec, counts.0, &push, args, diagnostics);
+    }
+
+    /// The same for kernels of which one workgroup runs even for no item.
+    pub(super) fn record_at_least_one(
+        &self,
+        rec: &mut Recorder,
+        counts: (&Buffer<u32>, u32),
+        capacity: u32,
+        tile_items: u32,
+        args: &Buffer<u32>,
+        diagnostics: &Diagnostics,
+    ) {
+        let push = DispatchArgsPush { offset: counts.1, capacity, tile_items: [tile_items; 2], least_tiles: 1 };
+        self.record_push(rec, counts.0, &push, args, diagnostics);
+    }
+
+    fn record_push(
+        &self,
+        rec: &mut Recorder,
+        counts: &Buffer<u32>,
+        push: &DispatchArgsPush,
+        args: &Buffer<u32>,
+        diagnostics: &Diagnostics,
+    ) {
+        let offset = push.offset;
         assert!((offset as usize) < counts.len(), "element {offset} of '{}'", counts.name());
         rec.barrier(Access::IndirectRead, Access::ComputeWrite);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
         rec.dispatch(
             &self.pipeline,
             &[("counts", counts.bind()), ("args", args.bind()), ("diagnostics", diagnostics.buffer().bind())],
-            &DispatchArgsPush { offset, capacity, tile_items },
+            push,
             [1, 1, 1],
         );
         rec.barrier(Access::ComputeWrite, Access::IndirectRead);

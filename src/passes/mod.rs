@@ -23,6 +23,7 @@ pub mod radix_sort;
 pub mod scan;
 pub mod scene_data;
 pub mod see;
+pub mod select;
 pub mod single_scatter;
 pub mod spread;
 pub mod tuning;

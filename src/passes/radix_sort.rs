@@ -11,6 +11,27 @@ use std::ops::Range;
 /// Keys per invocation of the histogram: few enough for the loop budget, many enough to make flushing the bins cheap.
 const HISTOGRAM_KEYS: u32 = 128;
 
+/// What the keys' words are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the variants say it")]
+pub enum KeyKind {
+    U32,
+    I32,
+    /// In the order of [`f32::total_cmp`].
+    F32,
+}
+
+impl KeyKind {
+    /// The number that shaders and twins know it by.
+    pub fn code(self) -> u32 {
+        match self {
+            KeyKind::U32 => constants::KEY_U32,
+            KeyKind::I32 => constants::KEY_I32,
+            KeyKind::F32 => constants::KEY_F32,
+        }
+    }
+}
+
 /// Options of a [`RadixSort`]. The defaults are right except for tests.
 #[derive(Clone, Copy, Debug)]
 pub struct RadixSortConfig {
@@ -21,6 +42,12 @@ pub struct RadixSortConfig {
     pub keys: u32,
     /// Whether every key has a payload.
     pub payloads: bool,
+    /// What the keys are.
+    pub kind: KeyKind,
+    /// Whether the largest key comes first. Equal keys keep their order all the same.
+    pub descending: bool,
+    /// Whether the buffer of keys may end amid a vector of four.
+    pub ends_amid: bool,
     /// Polls of a missing predecessor before its tile is counted in its place.
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
@@ -43,6 +70,9 @@ impl Default for RadixSortConfig {
             workgroup: None,
             keys: 15,
             payloads: true,
+            kind: KeyKind::U32,
+            descending: false,
+            ends_amid: false,
             spin_limit: 64,
             withhold: 0,
             broadcast_up_to: 8,
@@ -65,16 +95,22 @@ pub struct RadixSort {
     payloads: bool,
 }
 
-/// What a sort of up to `capacity` pairs needs besides keys and payloads.
-pub struct RadixSortScratch {
+/// Memory of a sort of up to `capacity` pairs.
+pub(crate) struct SortMemory {
     capacity: u32,
     keys: Buffer<u32>,
     payloads: Buffer<u32>,
-    /// In place of the caller's payloads, where there are none.
-    none: Buffer<u32>,
+    /// In place of the caller's payloads, where there are none: of the source's and of the target's, since one pass binds
+    /// both.
+    none: [Buffer<u32>; 2],
     histogram: Buffer<u32>,
     status: Buffer<u32>,
     args: Buffer<u32>,
+}
+
+/// What a sort of up to `capacity` pairs needs besides keys and payloads.
+pub struct RadixSortScratch {
+    memory: SortMemory,
     diagnostics: Diagnostics,
 }
 
@@ -106,8 +142,8 @@ impl Shared {
     fn of(workgroup: u32, keys: u32, has_masks: bool, min_subgroup_size: u32) -> Self {
         let words = constants::RADIX_DIGITS / 2 + if has_masks { constants::RADIX_DIGITS } else { 0 };
         let scratch_words = (workgroup * keys).max(workgroup / min_subgroup_size * words);
-        // The last three: the partial sums of the subgroups, the ticket and the window.
-        let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 2;
+        // The last four: the partial sums of the subgroups, the ticket, the window and whether it is a copy.
+        let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 2 + 1;
         Self { scratch_words, bytes: 4 * (scratch_words + small) }
     }
 }
@@ -135,8 +171,15 @@ impl RadixSort {
                 format!("the device shares {limit} bytes among a workgroup: use fewer keys or smaller workgroups"),
             ));
         }
-        let histogram =
-            [("WORKGROUP", config.histogram_workgroup), ("KEYS", HISTOGRAM_KEYS), ("PARTS", config.histogram_parts)];
+        let (kind, descending) = (("KEY_KIND", config.kind.code()), ("DESCENDING", config.descending.into()));
+        let histogram = [
+            ("WORKGROUP", config.histogram_workgroup),
+            ("KEYS", HISTOGRAM_KEYS),
+            ("PARTS", config.histogram_parts),
+            kind,
+            descending,
+            ("ENDS_AMID", config.ends_amid.into()),
+        ];
         let scan = [("WORKGROUP", workgroup), ("SUBGROUP_MIN", narrow)];
         let onesweep = [
             ("WORKGROUP", workgroup),
@@ -150,6 +193,8 @@ impl RadixSort {
             ("BALLOT_WORDS", if ctx.max_subgroup_size() <= 32 { 1 } else { 4 }),
             ("AHEAD", config.ahead),
             ("MASKS", has_masks.into()),
+            kind,
+            descending,
         ];
         Ok(Self {
             histogram: Pipeline::new(ctx, &shaders::RADIX_HISTOGRAM, &histogram)?,
@@ -174,7 +219,7 @@ impl RadixSort {
 
     fn status_words(&self, count: u32, passes: u32) -> u64 {
         let words = u64::from(passes) * u64::from(self.rows(count)) * u64::from(constants::RADIX_DIGITS);
-        u64::from(constants::RADIX_PASSES) + words
+        u64::from(constants::RADIX_HEAD) + words
     }
 
     /// Bytes of device memory that [`RadixSort::scratch`] takes.
@@ -188,19 +233,33 @@ impl RadixSort {
 
     /// Memory for sorts of up to `capacity` pairs.
     pub fn scratch(&self, ctx: &Context, capacity: u32) -> Result<RadixSortScratch> {
+        Ok(RadixSortScratch { memory: self.memory(ctx, None, capacity)?, diagnostics: Diagnostics::new(ctx)? })
+    }
+
+    fn parts(&self, capacity: u32) -> [(&'static str, u64); 7] {
+        let histogram = constants::RADIX_PASSES * constants::RADIX_DIGITS;
+        [
+            ("radix_sort.keys", capacity.into()),
+            ("radix_sort.payloads", if self.payloads { capacity.into() } else { 0 }),
+            ("radix_sort.none", 0),
+            ("radix_sort.none_sorted", 0),
+            ("radix_sort.histogram", histogram.into()),
+            ("radix_sort.status", self.status_words(capacity, constants::RADIX_PASSES)),
+            ("radix_sort.args", constants::ARGS_WORDS.into()),
+        ]
+    }
+
+    /// Words that [`RadixSort::memory`] takes of what it is given.
+    pub(crate) fn memory_words(&self, ctx: &Context, capacity: u32) -> u64 {
+        lookback::arrays_words(ctx, &self.parts(capacity))
+    }
+
+    /// Memory for sorts of up to `capacity` pairs: new, or a part of `within`.
+    pub(crate) fn memory(&self, ctx: &Context, within: Option<&Buffer<u32>>, capacity: u32) -> Result<SortMemory> {
         lookback::check_capacity("radix sort", capacity)?;
-        let status = self.status_words(capacity, constants::RADIX_PASSES) as usize;
-        Ok(RadixSortScratch {
-            capacity,
-            keys: ctx.device_buffer("radix_sort.keys", capacity as usize)?,
-            payloads: ctx.device_buffer("radix_sort.payloads", if self.payloads { capacity as usize } else { 0 })?,
-            none: ctx.device_buffer("radix_sort.none", 0)?,
-            histogram: ctx
-                .device_buffer("radix_sort.histogram", (constants::RADIX_PASSES * constants::RADIX_DIGITS) as usize)?,
-            status: ctx.device_buffer("radix_sort.status", status)?,
-            args: DispatchArgs::buffer(ctx, "radix_sort.args")?,
-            diagnostics: Diagnostics::new(ctx)?,
-        })
+        let [keys, payloads, none, none_sorted, histogram, status, args] =
+            lookback::arrays(ctx, within, self.parts(capacity))?;
+        Ok(SortMemory { capacity, keys, payloads, none: [none, none_sorted], histogram, status, args })
     }
 
     /// Sorts the first `count` keys by bits `bits`, of a sort without payloads; else as [`RadixSort::record`].
@@ -213,7 +272,7 @@ impl RadixSort {
         scratch: &'a RadixSortScratch,
     ) -> &'a Buffer<u32> {
         assert!(!self.payloads, "a sort of pairs, without payloads");
-        self.record_any(rec, keys, &scratch.none, count, bits, scratch).keys
+        self.record_alternating(rec, Sorted { keys, payloads: &scratch.memory.none[0] }, count, bits, scratch).keys
     }
 
     /// Sorts the first `count` pairs by bits `bits` of their keys; pairs that agree in them keep their order. Takes
@@ -232,28 +291,76 @@ impl RadixSort {
         scratch: &'a RadixSortScratch,
     ) -> Sorted<'a> {
         assert!(self.payloads, "a sort of keys alone, with payloads");
-        self.record_any(rec, keys, payloads, count, bits, scratch)
+        self.record_alternating(rec, Sorted { keys, payloads }, count, bits, scratch)
     }
 
-    fn record_any<'a>(
+    fn record_alternating<'a>(
         &self,
         rec: &mut Recorder,
-        keys: &'a Buffer<u32>,
-        payloads: &'a Buffer<u32>,
+        given: Sorted<'a>,
         count: Count<'_>,
         bits: Range<u32>,
-        scratch: &'a RadixSortScratch,
+        RadixSortScratch { memory, diagnostics }: &'a RadixSortScratch,
     ) -> Sorted<'a> {
-        assert!(bits.start <= bits.end && bits.end <= 32, "bits {bits:?} of a 32-bit key");
-        let (bit_begin, bit_end) = (bits.start, bits.end);
-        let passes = (bit_end - bit_begin).div_ceil(constants::RADIX_BITS);
-        let most_payloads = if self.payloads { payloads.len() } else { usize::MAX };
-        let capacity = (scratch.capacity as usize).min(keys.len()).min(most_payloads) as u32;
-        let mut source = Sorted { keys, payloads };
-        let mut target = Sorted { keys: &scratch.keys, payloads: &scratch.payloads };
-        if passes == 0 {
-            return source;
+        let passes = bits.len().div_ceil(constants::RADIX_BITS as usize) as u32;
+        let outputs = [Sorted { keys: &memory.keys, payloads: &memory.payloads }, given];
+        self.record_passes(rec, given, outputs, count, (bits, passes, constants::RADIX_BITS), memory, diagnostics);
+        if passes.is_multiple_of(2) { given } else { outputs[0] }
+    }
+
+    /// Sorts the first `count` pairs of `source` into `target`, which is `source` itself or other memory; then `source`
+    /// stays as it is. Payloads are left out where the sort has none. Accesses: as [`RadixSort::record`].
+    pub(crate) fn record_into<'a>(
+        &self,
+        rec: &mut Recorder,
+        source: (&'a Buffer<u32>, Option<&'a Buffer<u32>>),
+        target: (&'a Buffer<u32>, Option<&'a Buffer<u32>>),
+        count: Count<'_>,
+        bits: Range<u32>,
+        (memory, diagnostics): (&'a SortMemory, &Diagnostics),
+    ) {
+        let is_in_place = source.0.overlaps(target.0);
+        if is_in_place && bits.is_empty() {
+            return;
         }
+        let pair = |given: (&'a Buffer<u32>, Option<&'a Buffer<u32>>), none| Sorted {
+            keys: given.0,
+            payloads: given.1.unwrap_or(none),
+        };
+        let (source, target) = (pair(source, &memory.none[0]), pair(target, &memory.none[1]));
+        let width = bits.len() as u32;
+        let mut passes = width.div_ceil(constants::RADIX_BITS).max(1);
+        if is_in_place {
+            // There and back.
+            passes = passes.next_multiple_of(2);
+        }
+        let between = Sorted { keys: &memory.keys, payloads: &memory.payloads };
+        let outputs = if passes.is_multiple_of(2) { [between, target] } else { [target, between] };
+        let digits = (bits, passes, width.div_ceil(passes));
+        self.record_passes(rec, source, outputs, count, digits, memory, diagnostics);
+    }
+
+    /// Passes over `digits`: window of bits, number of passes, bits of each. They read `source`, write the first output,
+    /// read that, write the second, read that, write the first again, and so on.
+    #[allow(clippy::too_many_arguments, reason = "the one place where both ways of choosing the memory meet")]
+    fn record_passes(
+        &self,
+        rec: &mut Recorder,
+        source: Sorted<'_>,
+        outputs: [Sorted<'_>; 2],
+        count: Count<'_>,
+        digits: (Range<u32>, u32, u32),
+        memory: &SortMemory,
+        diagnostics: &Diagnostics,
+    ) {
+        let (Range { start: bit_begin, end: bit_end }, passes, digit_bits) = digits;
+        assert!(bit_begin <= bit_end && bit_end <= 32, "bits {bit_begin}..{bit_end} of a 32-bit key");
+        if passes == 0 {
+            return;
+        }
+        let lengths = [source, outputs[0], outputs[1]]
+            .map(|s| if self.payloads { s.keys.len().min(s.payloads.len()) } else { s.keys.len() });
+        let capacity = lengths.into_iter().fold(memory.capacity as usize, usize::min) as u32;
         let most = match count {
             Count::Host(n) => {
                 assert!(n <= capacity, "sort of {n} pairs with room for {capacity}");
@@ -261,7 +368,7 @@ impl RadixSort {
             }
             Count::Gpu { buffer, offset } => {
                 let tiles = [self.histogram_tile, self.tile];
-                self.args.record(rec, (buffer, offset), capacity, tiles, &scratch.args, &scratch.diagnostics);
+                self.args.record(rec, (buffer, offset), capacity, tiles, &memory.args, diagnostics);
                 capacity
             }
         };
@@ -270,43 +377,45 @@ impl RadixSort {
 
         rec.part("clear");
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
-        rec.fill(&scratch.histogram, 0);
-        rec.fill_range(&scratch.status, 0..self.status_words(most, passes), 0);
+        rec.fill(&memory.histogram, 0);
+        rec.fill_range(&memory.status, 0..self.status_words(most, passes), 0);
         rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
 
         rec.part("histogram");
-        let binds = [("keys", keys.bind()), ("args", scratch.args.bind()), ("histogram", scratch.histogram.bind())];
-        let push = RadixHistogramPush { count: pushed, bit_begin, bit_end };
+        let binds =
+            [("keys", source.keys.bind()), ("args", memory.args.bind()), ("histogram", memory.histogram.bind())];
+        let push = RadixHistogramPush { count: pushed, bit_begin, bit_end, digit_bits, passes };
         let (pipeline, tile) = (&self.histogram, self.histogram_tile);
-        lookback::dispatch_tiles(rec, pipeline, &binds, &push, count, tile, (&scratch.args, 0));
+        lookback::dispatch_tiles(rec, pipeline, &binds, &push, count, tile, (&memory.args, 0));
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
 
-        let status = || [("status", scratch.status.bind()), ("diagnostics", scratch.diagnostics.buffer().bind())];
+        let status = || [("status", memory.status.bind()), ("diagnostics", diagnostics.buffer().bind())];
         rec.part("digits");
-        let [words, diagnostics] = status();
-        let binds = [("histogram", scratch.histogram.bind()), words, diagnostics];
+        let [words, reports] = status();
+        let binds = [("histogram", memory.histogram.bind()), words, reports];
         rec.dispatch(&self.scan, &binds, &RadixScanPush { rows }, [passes, 1, 1]);
 
+        let mut source = source;
         for pass in 0..passes {
+            let target = outputs[pass as usize % 2];
             rec.part(["pass 1", "pass 2", "pass 3", "pass 4"][pass as usize]);
             // Histogram's reads and the pass before: its keys are read now, what it read is overwritten.
             rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
-            let [words, diagnostics] = status();
+            let [words, reports] = status();
             let binds = [
                 ("keys_in", source.keys.bind()),
                 ("payloads_in", source.payloads.bind()),
                 ("keys_out", target.keys.bind()),
                 ("payloads_out", target.payloads.bind()),
-                ("args", scratch.args.bind()),
+                ("args", memory.args.bind()),
                 words,
-                diagnostics,
+                reports,
             ];
-            let push = RadixOnesweepPush { count: pushed, pass, bit_begin, bit_end, rows };
-            lookback::dispatch_tiles(rec, &self.onesweep, &binds, &push, count, self.tile, (&scratch.args, 4));
-            std::mem::swap(&mut source, &mut target);
+            let push = RadixOnesweepPush { count: pushed, pass, passes, bit_begin, bit_end, digit_bits, rows };
+            lookback::dispatch_tiles(rec, &self.onesweep, &binds, &push, count, self.tile, (&memory.args, 4));
+            source = target;
         }
-        source
     }
 }
 

@@ -11,6 +11,10 @@ use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
 pub struct ScanConfig {
     /// Whether a sum includes its own item.
     pub inclusive: bool,
+    /// Whether the sum of all items is wanted.
+    pub total: bool,
+    /// Whether input and output may end amid a vector of four items.
+    pub ends_amid: bool,
     /// Invocations of a workgroup: a multiple of the subgroup size.
     pub workgroup: u32,
     /// Vectors of four items per invocation, 1 to 32.
@@ -23,7 +27,15 @@ pub struct ScanConfig {
 
 impl Default for ScanConfig {
     fn default() -> Self {
-        Self { inclusive: false, workgroup: 256, vectors: 4, spin_limit: 64, withhold: 0 }
+        Self {
+            inclusive: false,
+            total: false,
+            ends_amid: false,
+            workgroup: 256,
+            vectors: 4,
+            spin_limit: 64,
+            withhold: 0,
+        }
     }
 }
 
@@ -32,13 +44,21 @@ pub struct Scan {
     pipeline: Pipeline,
     args: DispatchArgs,
     tile: u32,
+    total: bool,
+}
+
+/// Memory of a scan of up to `capacity` items.
+pub(crate) struct ScanMemory {
+    capacity: u32,
+    /// In place of the caller's total, where none is wanted.
+    none: Buffer<u32>,
+    status: Buffer<u32>,
+    args: Buffer<u32>,
 }
 
 /// What a scan of up to `capacity` items needs besides input and output.
 pub struct ScanScratch {
-    capacity: u32,
-    status: Buffer<u32>,
-    args: Buffer<u32>,
+    memory: ScanMemory,
     diagnostics: Diagnostics,
 }
 
@@ -61,11 +81,14 @@ impl Scan {
             ("WITHHOLD", config.withhold),
             ("VECTORS", config.vectors),
             ("INCLUSIVE_SCAN", config.inclusive.into()),
+            ("TOTAL", config.total.into()),
+            ("ENDS_AMID", config.ends_amid.into()),
         ];
         Ok(Self {
             pipeline: Pipeline::new(ctx, &shaders::SCAN, &specialization)?,
             args: DispatchArgs::new(ctx)?,
             tile: config.workgroup * config.vectors * 4,
+            total: config.total,
         })
     }
 
@@ -82,13 +105,24 @@ impl Scan {
 
     /// Memory for scans of up to `capacity` items.
     pub fn scratch(&self, ctx: &Context, capacity: u32) -> Result<ScanScratch> {
+        Ok(ScanScratch { memory: self.memory(ctx, None, capacity)?, diagnostics: Diagnostics::new(ctx)? })
+    }
+
+    fn parts(&self, capacity: u32) -> [(&'static str, u64); 3] {
+        let status = lookback::status_words(capacity.div_ceil(self.tile)) as u64;
+        [("scan.none", 1), ("scan.status", status), ("scan.args", constants::ARGS_WORDS.into())]
+    }
+
+    /// Words that [`Scan::memory`] takes of what it is given.
+    pub(crate) fn memory_words(&self, ctx: &Context, capacity: u32) -> u64 {
+        lookback::arrays_words(ctx, &self.parts(capacity))
+    }
+
+    /// Memory for scans of up to `capacity` items: new, or a part of `within`.
+    pub(crate) fn memory(&self, ctx: &Context, within: Option<&Buffer<u32>>, capacity: u32) -> Result<ScanMemory> {
         lookback::check_capacity("scan", capacity)?;
-        Ok(ScanScratch {
-            capacity,
-            status: ctx.device_buffer("scan.status", lookback::status_words(capacity.div_ceil(self.tile)))?,
-            args: DispatchArgs::buffer(ctx, "scan.args")?,
-            diagnostics: Diagnostics::new(ctx)?,
-        })
+        let [none, status, args] = lookback::arrays(ctx, within, self.parts(capacity))?;
+        Ok(ScanMemory { capacity, none, status, args })
     }
 
     /// Writes the sums of the first `count` items of `input` to `output`, which must be another buffer.
@@ -103,32 +137,55 @@ impl Scan {
         count: Count<'_>,
         scratch: &ScanScratch,
     ) {
-        let capacity = (scratch.capacity as usize).min(input.len()).min(output.len()) as u32;
+        self.record_with_total(rec, [input, output], None, count, &scratch.memory, &scratch.diagnostics);
+    }
+
+    /// The same with input and output, and the total to element `total.1` of `total.0`, of a scan made to write it; that is
+    /// written by compute too, also for no item.
+    pub(crate) fn record_with_total(
+        &self,
+        rec: &mut Recorder,
+        [input, output]: [&Buffer<u32>; 2],
+        total: Option<(&Buffer<u32>, u32)>,
+        count: Count<'_>,
+        memory: &ScanMemory,
+        diagnostics: &Diagnostics,
+    ) {
+        assert_eq!(total.is_some(), self.total, "a total is written by scans that are made to");
+        let (totals, total_at) = total.unwrap_or((&memory.none, 0));
+        assert!((total_at as usize) < totals.len(), "element {total_at} of '{}'", totals.name());
+        let capacity = (memory.capacity as usize).min(input.len()).min(output.len()) as u32;
         let tiles = match count {
             Count::Host(n) => {
                 assert!(n <= capacity, "scan of {n} items with room for {capacity}");
                 n.div_ceil(self.tile)
             }
             Count::Gpu { buffer, offset } => {
-                let (args, diagnostics) = (&scratch.args, &scratch.diagnostics);
-                self.args.record(rec, (buffer, offset), capacity, [self.tile; 2], args, diagnostics);
+                let (counts, args) = ((buffer, offset), &memory.args);
+                if self.total {
+                    self.args.record_at_least_one(rec, counts, capacity, self.tile, args, diagnostics);
+                } else {
+                    self.args.record(rec, counts, capacity, [self.tile; 2], args, diagnostics);
+                }
                 capacity.div_ceil(self.tile)
             }
         };
         rec.part("clear");
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
-        rec.fill_range(&scratch.status, 0..lookback::status_words(tiles) as u64, 0);
+        rec.fill_range(&memory.status, 0..lookback::status_words(tiles) as u64, 0);
         rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
         rec.part("scan");
         let binds = [
             ("items", input.bind()),
             ("sums", output.bind()),
-            ("args", scratch.args.bind()),
-            ("status", scratch.status.bind()),
-            ("diagnostics", scratch.diagnostics.buffer().bind()),
+            ("args", memory.args.bind()),
+            ("status", memory.status.bind()),
+            ("diagnostics", diagnostics.buffer().bind()),
+            ("totals", totals.bind()),
         ];
-        let push = ScanPush { count: count.pushed() };
-        lookback::dispatch_tiles(rec, &self.pipeline, &binds, &push, count, self.tile, (&scratch.args, 0));
+        let push = ScanPush { count: count.pushed(), total_at };
+        let dispatched = if self.total { count.at_least_one() } else { count };
+        lookback::dispatch_tiles(rec, &self.pipeline, &binds, &push, dispatched, self.tile, (&memory.args, 0));
     }
 }

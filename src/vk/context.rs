@@ -1,6 +1,6 @@
 //! Instance, device, queue, allocator: made together, torn down in the reverse order.
 
-use super::buffer::{Buffer, RawBuffer};
+use super::buffer::{Buffer, Filter, RawBuffer};
 use super::image::{Image, ImageFormat, RawImage};
 use super::pipeline_cache::CacheFile;
 use super::recorder::Recorder;
@@ -13,7 +13,7 @@ use bytemuck::Pod;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 use std::ffi::CStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -63,16 +63,40 @@ pub struct PipelineStats {
     pub ms: f64,
 }
 
+/// A device that the caller has made and keeps; see [`Context::borrowed`].
+pub struct BorrowedDevice<'a> {
+    /// Its instance.
+    pub instance: &'a ash::Instance,
+    /// What it was made of.
+    pub physical: vk::PhysicalDevice,
+    /// The device.
+    pub device: &'a ash::Device,
+    /// Family of the queue that command buffers will be submitted to.
+    pub queue_family: u32,
+    /// Folder for compiled pipelines (see [`super::user_cache_dir`]); `None`: they are compiled anew.
+    pub cache_dir: Option<PathBuf>,
+}
+
+/// What a context has that made its device itself.
+pub(super) struct Own {
+    pub(super) queue: Mutex<vk::Queue>,
+    pub(super) timeline: vk::Semaphore,
+    pub(super) timeline_value: AtomicU64,
+    samplers: [vk::Sampler; 2],
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    instance: ash::Instance,
+    // Function pointers die with the entry: it goes last.
+    _entry: ash::Entry,
+}
+
 /// What every Vulkan object holds on to.
 pub(super) struct DeviceShared {
     // Dropped by hand in `drop`, in the order that Vulkan asks for.
     pub(super) raw: ash::Device,
     allocator: Mutex<Option<Allocator>>,
-    pub(super) queue: Mutex<vk::Queue>,
+    /// `None` where the device is borrowed.
+    pub(super) own: Option<Own>,
     pub(super) queue_family: u32,
-    pub(super) timeline: vk::Semaphore,
-    pub(super) timeline_value: AtomicU64,
-    pub(super) samplers: [vk::Sampler; 2],
     pub(super) pipeline_cache: vk::PipelineCache,
     cache_file: Option<CacheFile>,
     pipelines: Mutex<PipelineStats>,
@@ -93,10 +117,6 @@ pub(super) struct DeviceShared {
     bytes_now: AtomicU64,
     bytes_peak: AtomicU64,
     ids: AtomicU64,
-    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    instance: ash::Instance,
-    // Function pointers die with the entry: it goes last.
-    _entry: ash::Entry,
 }
 
 impl DeviceShared {
@@ -136,6 +156,11 @@ impl DeviceShared {
         {
             self.report(Severity::Error, "TYNDALL-FREE", &error.to_string());
         }
+    }
+
+    pub(super) fn sampler(&self, filter: Filter) -> vk::Sampler {
+        let own = self.own.as_ref().expect("there are no images on a borrowed device");
+        own.samplers[(filter == Filter::Linear) as usize]
     }
 
     pub(super) fn next_id(&self) -> u64 {
@@ -187,19 +212,23 @@ impl Drop for DeviceShared {
     fn drop(&mut self) {
         self.write_cache();
         // SAFETY: every object of the device holds an Arc of `self`, so none is left; the queue is idle after the wait.
+        // Of a borrowed device only what was made here goes, which its owner has promised to be done with.
         unsafe {
-            let _ = self.raw.device_wait_idle();
-            for sampler in self.samplers {
-                self.raw.destroy_sampler(sampler, None);
+            if self.own.is_some() {
+                let _ = self.raw.device_wait_idle();
             }
             self.raw.destroy_pipeline_cache(self.pipeline_cache, None);
-            self.raw.destroy_semaphore(self.timeline, None);
             drop(self.allocator().take());
+            let Some(own) = self.own.take() else { return };
+            for sampler in own.samplers {
+                self.raw.destroy_sampler(sampler, None);
+            }
+            self.raw.destroy_semaphore(own.timeline, None);
             self.raw.destroy_device(None);
-            if let Some((functions, messenger)) = self.messenger.take() {
+            if let Some((functions, messenger)) = own.messenger {
                 functions.destroy_debug_utils_messenger(messenger, None);
             }
-            self.instance.destroy_instance(None);
+            own.instance.destroy_instance(None);
         }
     }
 }
@@ -346,7 +375,31 @@ struct Probe {
     timestamp_bits: u32,
 }
 
-fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
+/// What is needed of a device.
+#[derive(Clone, Copy, PartialEq)]
+enum Needs {
+    /// All of it.
+    Renderer,
+    /// What scan, sort and selection use, on a queue of this family.
+    Primitives { queue_family: u32 },
+}
+
+/// Switches on the features that [`crate::primitives`] needs in what a `VkDeviceCreateInfo` is chained to. Others may be on
+/// too. No extension is needed.
+pub fn enable_features(
+    vulkan_1_2: &mut vk::PhysicalDeviceVulkan12Features<'_>,
+    vulkan_1_3: &mut vk::PhysicalDeviceVulkan13Features<'_>,
+) {
+    vulkan_1_2.scalar_block_layout = vk::TRUE;
+    vulkan_1_2.vulkan_memory_model = vk::TRUE;
+    vulkan_1_2.vulkan_memory_model_device_scope = vk::TRUE;
+    vulkan_1_3.synchronization2 = vk::TRUE;
+    vulkan_1_3.subgroup_size_control = vk::TRUE;
+    vulkan_1_3.compute_full_subgroups = vk::TRUE;
+    vulkan_1_3.maintenance4 = vk::TRUE;
+}
+
+fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> Probe {
     let mut v11 = vk::PhysicalDeviceVulkan11Properties::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Properties::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Properties::default();
@@ -369,7 +422,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
         // SAFETY: as above.
         unsafe { instance.get_physical_device_features2(device, &mut features) };
         for (name, has) in [
-            ("timelineSemaphore", f12.timeline_semaphore),
+            ("timelineSemaphore", if needs == Needs::Renderer { f12.timeline_semaphore } else { vk::TRUE }),
             ("scalarBlockLayout", f12.scalar_block_layout),
             ("vulkanMemoryModel", f12.vulkan_memory_model),
             ("vulkanMemoryModelDeviceScope", f12.vulkan_memory_model_device_scope),
@@ -402,7 +455,13 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
     at_least("maxPerStageDescriptorStorageBuffers", l.max_per_stage_descriptor_storage_buffers, 12);
     // SAFETY: as above.
     let families = unsafe { instance.get_physical_device_queue_family_properties(device) };
-    let family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE));
+    let has_compute = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::COMPUTE);
+    let family = match needs {
+        Needs::Renderer => families.iter().position(has_compute),
+        Needs::Primitives { queue_family } => {
+            Some(queue_family as usize).filter(|&f| families.get(f).is_some_and(has_compute))
+        }
+    };
     if family.is_none() {
         missing.push("a compute queue".to_owned());
     }
@@ -414,14 +473,15 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
         unsafe { instance.get_physical_device_format_properties2(device, format.to_vk(), &mut f) };
         f3.optimal_tiling_features
     };
-    for (format, needs) in [
+    let formats = [
         (ImageFormat::R32Float, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
         (ImageFormat::R32Uint, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
         (
             ImageFormat::Rgba16Float,
             vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR,
         ),
-    ] {
+    ];
+    for (format, needs) in formats.into_iter().filter(|_| needs == Needs::Renderer) {
         if !features_of(format).contains(needs) {
             missing.push(format!("{format:?} images with {needs:?}"));
         }
@@ -470,7 +530,8 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice) -> Probe {
 /// All Vulkan devices, the preferred kind first.
 pub fn list_devices() -> Result<Vec<DeviceInfo>> {
     let instance = create_instance(Validation::Off)?;
-    let infos = instance.physical_devices().into_iter().map(|d| probe(&instance.raw, d).info).collect();
+    let infos =
+        instance.physical_devices().into_iter().map(|d| probe(&instance.raw, d, Needs::Renderer).info).collect();
     instance.destroy();
     Ok(infos)
 }
@@ -503,6 +564,20 @@ fn choose(devices: &[DeviceInfo], wanted: Option<&str>) -> Result<usize> {
     Ok(index)
 }
 
+/// What a context is made of.
+struct Parts<'a> {
+    instance: &'a ash::Instance,
+    physical: vk::PhysicalDevice,
+    device: ash::Device,
+    probe: Probe,
+    cache_dir: Option<&'a Path>,
+    debug: Option<ash::ext::debug_utils::Device>,
+    executables: Option<ash::khr::pipeline_executable_properties::Device>,
+    validation: Validation,
+    sink: Arc<Sink>,
+    own: Option<Own>,
+}
+
 impl Context {
     /// Opens a device.
     ///
@@ -510,7 +585,7 @@ impl Context {
     pub fn new(config: &ContextConfig) -> Result<Self> {
         let instance = create_instance(config.validation)?;
         let physical = instance.physical_devices();
-        let mut probes: Vec<_> = physical.iter().map(|&d| probe(&instance.raw, d)).collect();
+        let mut probes: Vec<_> = physical.iter().map(|&d| probe(&instance.raw, d, Needs::Renderer)).collect();
         let infos: Vec<_> = probes.iter().map(|p| p.info.clone()).collect();
         let index = match choose(&infos, config.device.as_deref()) {
             Ok(index) => index,
@@ -528,23 +603,6 @@ impl Context {
                 return Err(error);
             }
         };
-        // Leaks are reported by `close`, as failures; a log line more would help nobody.
-        let mut debug_settings = AllocatorDebugSettings::default();
-        debug_settings.log_leaks_on_shutdown = false;
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: instance.raw.clone(),
-            device: device.clone(),
-            physical_device: physical[index],
-            debug_settings,
-            buffer_device_address: false,
-            allocation_sizes: AllocationSizes::new(16 << 20, 4 << 20),
-        });
-        let (cache_file, cached) = config
-            .cache_dir
-            .as_ref()
-            .map(|folder| CacheFile::open(folder, &probe.properties, &probe.info.driver))
-            .unzip();
-        let cached = cached.unwrap_or_default();
         // SAFETY: the family and index are those the device was made with; the create infos are complete.
         let made = unsafe {
             let queue = device.get_device_queue(probe.queue_family, 0);
@@ -564,23 +622,98 @@ impl Context {
             device.create_semaphore(&info, None).and_then(|timeline| {
                 let nearest = sampler(vk::Filter::NEAREST, vk::SamplerMipmapMode::NEAREST)?;
                 let linear = sampler(vk::Filter::LINEAR, vk::SamplerMipmapMode::NEAREST)?;
-                Ok((queue, timeline, [nearest, linear], create_cache(&device, &cached)?))
+                Ok((queue, timeline, [nearest, linear]))
             })
         };
-        let (queue, timeline, samplers, pipeline_cache) =
+        let (queue, timeline, samplers) =
             made.map_err(|result| Error::Vulkan { operation: "vkCreateSemaphore", object: "timeline".into(), result })?;
-        let allocator = allocator
-            .map_err(|e| Error::Device { pass: "memory allocation", problem: format!("no allocator: {e}") })?;
-        let debug = instance.messenger.as_ref().map(|_| ash::ext::debug_utils::Device::new(&instance.raw, &device));
-        let executables = tells.then(|| ash::khr::pipeline_executable_properties::Device::new(&instance.raw, &device));
+        let parts = Parts {
+            instance: &instance.raw.clone(),
+            physical: physical[index],
+            cache_dir: config.cache_dir.as_deref(),
+            debug: instance.messenger.as_ref().map(|_| ash::ext::debug_utils::Device::new(&instance.raw, &device)),
+            executables: tells.then(|| ash::khr::pipeline_executable_properties::Device::new(&instance.raw, &device)),
+            device,
+            probe,
+            validation: config.validation,
+            sink: instance.sink,
+            own: Some(Own {
+                queue: Mutex::new(queue),
+                timeline,
+                timeline_value: AtomicU64::new(0),
+                samplers,
+                messenger: instance.messenger,
+                instance: instance.raw,
+                _entry: instance.entry,
+            }),
+        };
+        Self::assemble(parts)
+    }
+
+    /// A context around a device that the caller has made and keeps: for [`crate::primitives`] in command buffers of the
+    /// caller's. It has no queue, so [`Recorder::new`] and all that moves data by itself ([`Context::upload`],
+    /// [`Context::read_back`], images) is an error.
+    ///
+    /// The device is of Vulkan 1.3, its instance was made for 1.3 or later, and the features of [`enable_features`] are on.
+    ///
+    /// Errors: what the physical device or the queue family lacks, by name. Vulkan does not tell which features of a device
+    /// are on, so that is for the caller to see to; the validation layer notices.
+    ///
+    /// # Safety
+    /// - The handles are valid and belong together, and the features of [`enable_features`] are on.
+    /// - Instance and device live until the context and everything made with it (buffers, pipelines, recorders) is gone.
+    pub unsafe fn borrowed(device: &BorrowedDevice<'_>) -> Result<Self> {
+        let needs = Needs::Primitives { queue_family: device.queue_family };
+        let mut probe = probe(device.instance, device.physical, needs);
+        let function = c"vkCmdPipelineBarrier2";
+        // SAFETY: the handles are valid, as the caller has promised; the name ends with a zero.
+        let found = unsafe { device.instance.get_device_proc_addr(device.device.handle(), function.as_ptr()) };
+        if found.is_none() {
+            probe.info.missing.push("an instance made for Vulkan 1.3 (vkCmdPipelineBarrier2)".to_owned());
+        }
+        if !probe.info.missing.is_empty() {
+            return Err(Error::MissingFeatures { device: probe.info.name, missing: probe.info.missing });
+        }
+        Self::assemble(Parts {
+            instance: device.instance,
+            physical: device.physical,
+            device: device.device.clone(),
+            probe,
+            cache_dir: device.cache_dir.as_deref(),
+            debug: None,
+            executables: None,
+            validation: Validation::Off,
+            sink: Arc::default(),
+            own: None,
+        })
+    }
+
+    fn assemble(parts: Parts<'_>) -> Result<Self> {
+        let Parts { instance, physical, device, probe, cache_dir, debug, executables, validation, sink, own } = parts;
+        // Leaks are reported by `close`, as failures; a log line more would help nobody.
+        let mut debug_settings = AllocatorDebugSettings::default();
+        debug_settings.log_leaks_on_shutdown = false;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: device.clone(),
+            physical_device: physical,
+            debug_settings,
+            buffer_device_address: false,
+            // Beside a program's own memory as little as may be: what is large gets memory of its own anyway.
+            allocation_sizes: AllocationSizes::new(if own.is_some() { 16 << 20 } else { 4 << 20 }, 4 << 20),
+        })
+        .map_err(|e| Error::Device { pass: "memory allocation", problem: format!("no allocator: {e}") })?;
+        let (cache_file, cached) =
+            cache_dir.map(|folder| CacheFile::open(folder, &probe.properties, &probe.info.driver)).unzip();
+        // SAFETY: the device is alive; the data are what its driver gave, as the cache file has checked.
+        let pipeline_cache = unsafe { create_cache(&device, &cached.unwrap_or_default()) }.map_err(|result| {
+            Error::Vulkan { operation: "vkCreatePipelineCache", object: probe.info.name.clone(), result }
+        })?;
         let shared = DeviceShared {
             raw: device,
             allocator: Mutex::new(Some(allocator)),
-            queue: Mutex::new(queue),
+            own,
             queue_family: probe.queue_family,
-            timeline,
-            timeline_value: AtomicU64::new(0),
-            samplers,
             pipeline_cache,
             cache_file,
             pipelines: Mutex::default(),
@@ -593,18 +726,15 @@ impl Context {
             interpolates_single: probe.interpolates_single,
             has_timestamps: probe.timestamp_bits > 0 && probe.properties.limits.timestamp_period > 0.0,
             debug,
-            is_gpu_assisted: config.validation == Validation::GpuAssisted,
-            checks_hazards: cfg!(debug_assertions) || config.validation != Validation::Off,
-            sink: instance.sink,
+            is_gpu_assisted: validation == Validation::GpuAssisted,
+            checks_hazards: cfg!(debug_assertions) || validation != Validation::Off,
+            sink,
             max_allocation: probe.max_allocation,
             bytes_now: AtomicU64::new(0),
             bytes_peak: AtomicU64::new(0),
             ids: AtomicU64::new(1),
-            messenger: instance.messenger,
-            instance: instance.raw,
-            _entry: instance.entry,
         };
-        Ok(Self { shared: Arc::new(shared), info: probe.info, validation: config.validation })
+        Ok(Self { shared: Arc::new(shared), info: probe.info, validation })
     }
 
     pub(super) fn shared(&self) -> &Arc<DeviceShared> {
@@ -634,6 +764,11 @@ impl Context {
     /// Largest number of bytes that one storage binding may cover.
     pub fn max_storage_bytes(&self) -> u64 {
         u64::from(self.shared.limits.max_storage_buffer_range)
+    }
+
+    /// Where in a buffer something bound to a shader may start, in bytes.
+    pub fn storage_alignment(&self) -> u64 {
+        self.shared.limits.min_storage_buffer_offset_alignment.max(4)
     }
 
     /// PCI vendor of the device, or a Khronos number.
@@ -736,7 +871,7 @@ impl Context {
     /// Elements `range` of a buffer, once the device has finished everything submitted.
     pub fn read_back_range<T: Pod>(&self, buffer: &Buffer<T>, range: std::ops::Range<usize>) -> Result<Vec<T>> {
         let mut data = vec![T::zeroed(); range.len()];
-        let start = range.start * size_of::<T>();
+        let start = buffer.bytes_of(range).start;
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut data);
         for (i, chunk) in bytes.chunks_mut(STAGING_BYTES).enumerate() {
             let staging = Arc::new(RawBuffer::new(
@@ -746,7 +881,7 @@ impl Context {
                 MemoryLocation::GpuToCpu,
             )?);
             let mut recorder = Recorder::new(self)?;
-            recorder.copy_raw(&buffer.raw, (start + i * STAGING_BYTES) as u64, &staging, 0, chunk.len() as u64);
+            recorder.copy_raw(&buffer.raw, start + (i * STAGING_BYTES) as u64, &staging, 0, chunk.len() as u64);
             recorder.host_read(&staging);
             recorder.submit_and_wait()?;
             chunk.copy_from_slice(&staging.mapped()[..chunk.len()]);
@@ -809,13 +944,16 @@ impl Context {
         Ok(texels)
     }
 
-    /// Waits for the device, checks for leaks, tears everything down, and returns every message there was, the
+    /// Waits for the device (unless it is borrowed), checks for leaks, tears everything down, and returns every message there was, the
     /// teardown's included.
     pub fn close(self) -> Vec<Message> {
         let Self { shared, .. } = self;
-        // SAFETY: the device is alive; waiting is always allowed from the one thread that owns the context.
-        if let Err(result) = unsafe { shared.raw.device_wait_idle() } {
-            shared.report(Severity::Error, "TYNDALL-DEVICE", &format!("vkDeviceWaitIdle: {result}"));
+        // The owner of a borrowed device has waited: its queues are not ours to touch.
+        if shared.own.is_some() {
+            // SAFETY: the device is alive; waiting is always allowed from the one thread that owns the context.
+            if let Err(result) = unsafe { shared.raw.device_wait_idle() } {
+                shared.report(Severity::Error, "TYNDALL-DEVICE", &format!("vkDeviceWaitIdle: {result}"));
+            }
         }
         let report = shared.allocator().as_ref().map(Allocator::generate_report);
         for allocation in report.into_iter().flat_map(|r| r.allocations) {
@@ -873,16 +1011,9 @@ fn create_device(
         .vertex_pipeline_stores_and_atomics(
             instance.messenger.is_some() && has.vertex_pipeline_stores_and_atomics == vk::TRUE,
         );
-    let mut f12 = vk::PhysicalDeviceVulkan12Features::default()
-        .timeline_semaphore(true)
-        .scalar_block_layout(true)
-        .vulkan_memory_model(true)
-        .vulkan_memory_model_device_scope(true);
-    let mut f13 = vk::PhysicalDeviceVulkan13Features::default()
-        .synchronization2(true)
-        .subgroup_size_control(true)
-        .compute_full_subgroups(true)
-        .maintenance4(true);
+    let mut f12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+    let mut f13 = vk::PhysicalDeviceVulkan13Features::default();
+    enable_features(&mut f12, &mut f13);
     let mut executables =
         vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
     let extensions = [ash::khr::pipeline_executable_properties::NAME.as_ptr()];

@@ -6,6 +6,10 @@
 //! checks for itself that barriers separate conflicting accesses ([`access`]).
 //!
 //! What it leaves to callers: barriers between dispatches, and that shaders stay inside their buffers.
+//!
+//! Device, command buffer and buffers may also be somebody else's: [`Context::borrowed`], [`Recorder::borrowed`],
+//! [`Buffer::borrowed`]. Then their owner submits, waits, and keeps everything alive; these functions are `unsafe` and say
+//! what must hold.
 #![allow(unsafe_code, reason = "the one module that talks to Vulkan")]
 
 pub mod access;
@@ -19,11 +23,11 @@ mod statistics;
 mod validation;
 
 pub use access::Access;
-pub use buffer::{Bind, Buffer, Filter};
-pub use context::{Context, ContextConfig, DeviceInfo, PipelineStats, list_devices};
+pub use buffer::{Bind, Buffer, Filter, HostWords};
+pub use context::{BorrowedDevice, Context, ContextConfig, DeviceInfo, PipelineStats, enable_features, list_devices};
 pub use image::{Image, ImageFormat};
 pub use pipeline::Pipeline;
 pub use pipeline_cache::user_cache_dir;
-pub use recorder::{Recorder, Submission, TimedPass};
+pub use recorder::{Recorded, Recorder, Submission, TimedPass};
 pub use statistics::KernelStatistics;
 pub use validation::{Message, Severity, Validation, no_messages};

@@ -1,7 +1,7 @@
 //! Explicit recording: dispatches, copies, barriers that name both accesses, labels, timestamps, submission.
 
 use super::access::{Access, HazardTracker};
-use super::buffer::{Bind, Buffer, Filter, RawBuffer};
+use super::buffer::{Bind, Buffer, HostWords, RawBuffer};
 use super::context::{Context, DeviceShared};
 use super::image::{Image, RawImage, init_barrier};
 use super::pipeline::{Pipeline, RawPipeline, descriptor_type};
@@ -50,6 +50,7 @@ type SetKey = (vk::DescriptorSetLayout, Vec<(u64, u64, u64)>);
 /// A command buffer being recorded. Not submitted, it is thrown away.
 pub struct Recorder {
     device: Arc<DeviceShared>,
+    /// Null where the command buffer is somebody else's.
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
     descriptor_pools: Vec<vk::DescriptorPool>,
@@ -66,18 +67,12 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts recording.
-    pub fn new(ctx: &Context) -> Result<Self> {
-        let device = ctx.shared().clone();
-        let error = |operation| move |result| Error::Vulkan { operation, object: "recorder".into(), result };
-        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.queue_family);
-        // SAFETY: the device is alive; what fails later is destroyed by `Drop`.
-        let pool = unsafe { device.raw.create_command_pool(&info, None) }.map_err(error("vkCreateCommandPool"))?;
-        let mut recorder = Self {
+    fn around(device: Arc<DeviceShared>, pool: vk::CommandPool, commands: vk::CommandBuffer) -> Self {
+        Self {
             tracker: device.checks_hazards.then(HazardTracker::default),
             device,
             pool,
-            commands: vk::CommandBuffer::null(),
+            commands,
             descriptor_pools: Vec::new(),
             sets_left: 0,
             sets: HashMap::new(),
@@ -88,7 +83,26 @@ impl Recorder {
             is_in_pass: false,
             times_parts: false,
             error: None,
-        };
+        }
+    }
+
+    /// Starts recording.
+    ///
+    /// Errors: the context has borrowed its device ([`Context::borrowed`]), so it has no queue to submit to.
+    pub fn new(ctx: &Context) -> Result<Self> {
+        let device = ctx.shared().clone();
+        if device.own.is_none() {
+            return Err(Error::input(
+                "context",
+                "its device is borrowed, so it has no queue to submit to",
+                "record into a command buffer of the device's owner: Recorder::borrowed",
+            ));
+        }
+        let error = |operation| move |result| Error::Vulkan { operation, object: "recorder".into(), result };
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.queue_family);
+        // SAFETY: the device is alive; what fails later is destroyed by `Drop`.
+        let pool = unsafe { device.raw.create_command_pool(&info, None) }.map_err(error("vkCreateCommandPool"))?;
+        let mut recorder = Self::around(device, pool, vk::CommandBuffer::null());
         let raw = &recorder.device.raw;
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
@@ -98,6 +112,42 @@ impl Recorder {
             raw.begin_command_buffer(recorder.commands, &begin).map_err(error("vkBeginCommandBuffer"))?;
         }
         Ok(recorder)
+    }
+
+    /// Records into a command buffer of the caller's, behind what it holds already; the caller ends and submits it.
+    /// To be closed by [`Recorder::finish`].
+    ///
+    /// Changes the compute bind point's pipeline, its descriptor set 0 and the push constants of the compute stage.
+    /// Barriers are recorded where a pass says so; what the caller must order is documented there.
+    ///
+    /// # Safety
+    /// - `commands` is a command buffer of the context's device and of a queue family with compute, it is recording,
+    ///   outside of a render pass, and nothing else records into it as long as the recorder lives.
+    /// - The recorder, and later what `finish` returns, is kept until the device is done with every submission of
+    ///   `commands`, or until `commands` has been reset or freed unsubmitted.
+    pub unsafe fn borrowed(ctx: &Context, commands: vk::CommandBuffer) -> Self {
+        Self::around(ctx.shared().clone(), vk::CommandPool::null(), commands)
+    }
+
+    /// Ends what was recorded into a borrowed command buffer. What is returned keeps alive what the commands use.
+    ///
+    /// Errors: what Vulkan refused while recording; the command buffer must not be submitted then.
+    pub fn finish(mut self) -> Result<Recorded> {
+        assert!(self.pool == vk::CommandPool::null(), "commands of one's own are submitted, not finished");
+        self.check()?;
+        Ok(Recorded { _recorder: self })
+    }
+
+    /// What went wrong while recording. Hazards go to the context's messages.
+    fn check(&mut self) -> Result<()> {
+        assert!(!self.is_in_pass, "a pass is still open");
+        if let Some(error) = self.error.take() {
+            return Err(error);
+        }
+        for hazard in self.tracker.iter_mut().flat_map(HazardTracker::take_hazards) {
+            self.device.report(Severity::Error, "TYNDALL-HAZARD", &hazard.to_string());
+        }
+        Ok(())
     }
 
     /// Opens a timed, labelled pass. Passes do not nest.
@@ -213,8 +263,9 @@ impl Recorder {
     ) {
         assert!(offset + 3 <= args.len(), "{}: indirect arguments beyond '{}'", pipeline.name(), args.name());
         self.prepare(pipeline, binds, bytemuck::bytes_of(push));
-        let offset = offset as u64 * 4;
-        self.track(args.raw.id, args.name(), offset..offset + 12, Access::IndirectRead, pipeline.name());
+        let bytes = args.bytes_of(offset..offset + 3);
+        let offset = bytes.start;
+        self.track(args.raw.id, args.name(), bytes, Access::IndirectRead, pipeline.name());
         self.keep.push(Keep::Buffer(args.raw.clone()));
         // SAFETY: the arguments lie inside a buffer with INDIRECT usage, at a multiple of 4.
         unsafe { self.device.raw.cmd_dispatch_indirect(self.commands, args.raw.handle, offset) };
@@ -322,7 +373,7 @@ impl Recorder {
                     range: range.end - range.start,
                 }]),
                 Bind::Sampled(i, filter) => images.push([vk::DescriptorImageInfo {
-                    sampler: self.device.samplers[(*filter == Filter::Linear) as usize],
+                    sampler: self.device.sampler(*filter),
                     image_view: i.view,
                     image_layout: vk::ImageLayout::GENERAL,
                 }]),
@@ -370,13 +421,13 @@ impl Recorder {
 
     /// Sets every word of the buffer to `value` ([`Access::TransferWrite`]).
     pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, value: u32) {
-        self.fill_range(buffer, 0..buffer.raw.bytes / 4, value);
+        self.fill_range(buffer, 0..buffer.bytes() / 4, value);
     }
 
     /// Sets words `words` (4 bytes each) of the buffer to `value` ([`Access::TransferWrite`]).
     pub fn fill_range<T: Pod>(&mut self, buffer: &Buffer<T>, words: std::ops::Range<u64>, value: u32) {
-        let bytes = words.start * 4..words.end * 4;
-        assert!(bytes.end <= buffer.raw.bytes, "fill beyond '{}'", buffer.name());
+        let bytes = buffer.range.start + words.start * 4..buffer.range.start + words.end * 4;
+        assert!(bytes.end <= buffer.range.end, "fill beyond '{}'", buffer.name());
         if bytes.is_empty() {
             return;
         }
@@ -401,8 +452,21 @@ impl Recorder {
 
     /// Copies `len` elements between buffers ([`Access::TransferRead`], [`Access::TransferWrite`]).
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, from_at: usize, to: &Buffer<T>, to_at: usize, len: usize) {
-        let size = size_of::<T>() as u64;
-        self.copy_raw(&from.raw, from_at as u64 * size, &to.raw, to_at as u64 * size, len as u64 * size);
+        let (source, target) = (from.bytes_of(from_at..from_at + len), to.bytes_of(to_at..to_at + len));
+        assert!(
+            source.end <= from.range.end && target.end <= to.range.end,
+            "copy '{}' to '{}'",
+            from.name(),
+            to.name()
+        );
+        self.copy_raw(&from.raw, source.start, &to.raw, target.start, source.end - source.start);
+    }
+
+    /// Copies the first words of a buffer ([`Access::TransferRead`]) to the host, and makes them visible to it.
+    pub fn copy_to_host(&mut self, from: &Buffer<u32>, to: &HostWords) {
+        let bytes = to.raw.bytes.min(from.bytes());
+        self.copy_raw(&from.raw, from.range.start, &to.raw, 0, bytes);
+        self.host_read(&to.raw);
     }
 
     pub(super) fn copy_raw(&mut self, from: &Arc<RawBuffer>, from_at: u64, to: &Arc<RawBuffer>, to_at: u64, size: u64) {
@@ -482,22 +546,17 @@ impl Recorder {
     /// Hands the commands to the device. They start after everything submitted before has finished: the wait on the
     /// timeline orders all memory accesses, so no barrier is needed across submissions.
     pub fn submit(mut self) -> Result<Submission> {
-        assert!(!self.is_in_pass, "a pass is still open");
-        if let Some(error) = self.error.take() {
-            return Err(error);
-        }
-        for hazard in self.tracker.iter_mut().flat_map(HazardTracker::take_hazards) {
-            self.device.report(Severity::Error, "TYNDALL-HAZARD", &hazard.to_string());
-        }
+        self.check()?;
         let error = |operation| move |result| Error::Vulkan { operation, object: "submission".into(), result };
         let device = self.device.clone();
-        let queue = device.queue.lock().unwrap_or_else(|e| e.into_inner());
+        let own = device.own.as_ref().expect("a borrowed command buffer is submitted by its owner");
+        let queue = own.queue.lock().unwrap_or_else(|e| e.into_inner());
         // SAFETY: the command buffer is recording.
         unsafe { device.raw.end_command_buffer(self.commands) }.map_err(error("vkEndCommandBuffer"))?;
-        let before = device.timeline_value.load(Ordering::Relaxed);
+        let before = own.timeline_value.load(Ordering::Relaxed);
         let semaphore = |value| {
             vk::SemaphoreSubmitInfo::default()
-                .semaphore(device.timeline)
+                .semaphore(own.timeline)
                 .value(value)
                 .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
         };
@@ -515,7 +574,7 @@ impl Recorder {
                 device.raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(error("vkCreateFence"))?;
             device.raw.queue_submit2(*queue, &submits, self.fence).map_err(error("vkQueueSubmit2"))?;
         }
-        device.timeline_value.store(before + 1, Ordering::Relaxed);
+        own.timeline_value.store(before + 1, Ordering::Relaxed);
         drop(queue);
         Ok(Submission { recorder: self, is_done: false })
     }
@@ -528,7 +587,8 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // SAFETY: the commands were never submitted, or the submission that owns us has waited for them.
+        // SAFETY: the commands were never submitted, or the submission that owns us has waited for them, or their owner
+        // has, who promised so to `borrowed`. Null handles are ignored.
         unsafe {
             for &pool in &self.descriptor_pools {
                 self.device.raw.destroy_descriptor_pool(pool, None);
@@ -538,6 +598,12 @@ impl Drop for Recorder {
             self.device.raw.destroy_command_pool(self.pool, None);
         }
     }
+}
+
+/// Commands in a borrowed command buffer: keeps alive what they use. See [`Recorder::borrowed`] for how long to keep it.
+#[must_use = "what the commands use must outlive them"]
+pub struct Recorded {
+    _recorder: Recorder,
 }
 
 /// Commands on their way through the device.
@@ -581,7 +647,8 @@ impl Submission {
         if device.is_gpu_assisted && result.is_ok() {
             // Layer 1.4.309 reads its findings only after it has released the waiting fence; what is destroyed before
             // takes them along. Idle waits come after.
-            let _queue = device.queue.lock().unwrap_or_else(|e| e.into_inner());
+            let own = device.own.as_ref().expect("something was submitted");
+            let _queue = own.queue.lock().unwrap_or_else(|e| e.into_inner());
             // SAFETY: the device is alive; the lock keeps other threads off the queue.
             result = unsafe { device.raw.device_wait_idle() };
         }

@@ -126,6 +126,11 @@ pub struct SortArgs {
     /// Polls of a missing predecessor before its tile is counted in its place.
     #[arg(long, value_name = "N", help_heading = "Bench")]
     spin_limit: Option<u32>,
+
+    /// Also time sorts of the same keys on the CPU, by the clock: sort_unstable, and rayon's par_sort_unstable and
+    /// radsort where they were built in (cargo build --features rivals).
+    #[arg(long, help_heading = "Bench")]
+    rivals: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -156,7 +161,7 @@ struct Report {
 
 /// Runs `tyndall bench scan`.
 pub fn run_scan(args: &ScanArgs) -> Result<String> {
-    run(&args.common, vec![], 32, |ctx, config, progress| {
+    run(&args.common, vec![], 32, false, |ctx, config, progress| {
         let usual = Tuning::of(ctx).scan;
         let shape = ScanConfig {
             workgroup: args.workgroup.unwrap_or(usual.workgroup),
@@ -170,7 +175,7 @@ pub fn run_scan(args: &ScanArgs) -> Result<String> {
 
 /// Runs `tyndall bench sort`.
 pub fn run_sort(args: &SortArgs) -> Result<String> {
-    run(&args.common, args.ands.clone(), args.bits, |ctx, config, progress| {
+    run(&args.common, args.ands.clone(), args.bits, args.rivals, |ctx, config, progress| {
         let usual = Tuning::of(ctx).sort;
         let shape = RadixSortConfig {
             workgroup: args.workgroup.or(usual.workgroup),
@@ -190,6 +195,7 @@ fn run(
     args: &PrimitiveArgs,
     ands: Vec<u32>,
     bits: u32,
+    rivals: bool,
     measure: impl FnOnce(&Context, &Config, &mut dyn FnMut(f64)) -> Result<Vec<Row>>,
 ) -> Result<String> {
     for path in args.csv.iter().chain(&args.plot) {
@@ -205,7 +211,7 @@ fn run(
         return Err(Error::input("--sizes", "no size of these fits a storage buffer of the device", cure));
     }
     let bar = progress_bar(false);
-    let rows = measure(&ctx, &Config { sizes, ands, bits, runs: args.runs }, &mut |done| {
+    let rows = measure(&ctx, &Config { sizes, ands, bits, runs: args.runs, rivals }, &mut |done| {
         let _ = show(&bar, &Progress { done, phase: "bench" });
     })?;
     bar.finish_and_clear();
