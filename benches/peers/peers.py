@@ -1,4 +1,5 @@
-"""Mitsuba 3 and `tyndall render --model path` on one scene: do they agree, and what does equal error cost each?
+"""Mitsuba 3 and `tyndall render --model path` on one scene: do they agree, and what does equal error cost each? And what
+does a picture of `--model multiple` cost beside them?
 
 Run by benches/peers/run, which makes the environment; benches/peers/README.md says what is measured and how.
 """
@@ -148,6 +149,31 @@ class Tyndall:
         return np.array(bitmap, dtype=np.float64)[:, :, :3], cpu, wall
 
 
+class Multiple:
+    """`--model multiple` at its defaults: whole processes, set-up included. Its frames of a turntable after the first take the
+    camera's part."""
+
+    name = "tyndall multiple"
+
+    def __init__(self, tyndall, flags, folder):
+        self.folder = folder
+        self.command = [tyndall, "render", *flags, "--model", "multiple", "--background", "transparent"]
+        self.shares = []
+        self.render(0)
+
+    def render(self, seed):
+        """A picture, CPU and wall seconds."""
+        outputs = ["-q", "-o", self.folder / "picture.exr", "--stats", self.folder / "stats.json"]
+        cpu, wall = cpu_seconds(resource.RUSAGE_CHILDREN), time.perf_counter()
+        subprocess.run([*self.command, "--seed", str(seed), *outputs], check=True)
+        cpu, wall = cpu_seconds(resource.RUSAGE_CHILDREN) - cpu, time.perf_counter() - wall
+        stats = json.loads((self.folder / "stats.json").read_text())
+        camera = sum(p["ms"] for p in stats["passes"] if p["name"] == "camera")
+        self.shares.append(camera / stats["gpu_ms"])
+        bitmap = mi.Bitmap(str(self.folder / "picture.exr"))
+        return np.array(bitmap, dtype=np.float64)[:, :, :3], cpu, wall
+
+
 class Result:
     """What a renderer's independent pictures say."""
 
@@ -216,6 +242,26 @@ def report(title, results, tyndall):
     return agree
 
 
+def report_multiple(multiple, results, path):
+    """One picture's error against the mean of `path`, whose own noise is taken out, and what others take for as little."""
+    brightness = path.mean.mean()
+    squares = [((p - path.mean) ** 2 - path.variance_of_mean).mean() for p in multiple.pictures]
+    error2 = statistics.mean(squares)
+    bias = (multiple.mean - path.mean).mean(axis=(0, 1)) / path.mean.mean(axis=(0, 1))
+    later = multiple.cpu * statistics.median(multiple.renderer.shares)
+    print(
+        f"{multiple.renderer.name}: {multiple.cpu:.2f} CPU s for a picture (set-up included), error"
+        f" {100 * np.sqrt(error2) / brightness:.2f} %, noise {100 * np.sqrt(multiple.mse) / brightness:.2f} %,"
+        f" bias {', '.join(f'{100 * b:+.2f}' for b in bias)} %; a later frame of a turntable {later:.2f} CPU s"
+    )
+    for r in results:
+        seconds = r.cpu * r.mse / error2
+        print(
+            f"  {r.renderer.name} needs {seconds:.1f} CPU s for as small an error: {seconds / multiple.cpu:.1f} times the"
+            f" picture, {seconds / later:.1f} times the later frame"
+        )
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--title", required=True)
@@ -236,9 +282,14 @@ def main():
     for run in range(args.runs):
         for r in results:
             r.take(run + 1)
-    for r in results:
+    multiple = Result(Multiple(args.tyndall, args.flags, args.folder))
+    for run in range(max(2, args.runs // 2)):
+        multiple.take(run + 1)
+    for r in [*results, multiple]:
         r.finish()
-    return 0 if report(args.title, results, tyndall) else 1
+    agree = report(args.title, results, tyndall)
+    report_multiple(multiple, results, tyndall)
+    return 0 if agree else 1
 
 
 if __name__ == "__main__":
