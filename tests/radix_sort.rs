@@ -104,6 +104,14 @@ fn exact_at_a_million() {
 }
 
 #[test]
+fn exact_with_more_tiles_than_a_step_of_the_column_scan() {
+    gpu_test(|ctx| {
+        let config = RadixSortConfig { carry: Carry::Dispatches, ..SMALL_TILES };
+        check_sizes_by(ctx, config, 0..8, &[128 * 4100 + 3]);
+    });
+}
+
+#[test]
 fn exact_at_every_size_between_one_and_two_tiles() {
     gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, 0..16, &(128..=256).collect::<Vec<_>>()));
 }
