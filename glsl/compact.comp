@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Compact: the list of the marked blocks or cells of a range of linear indices, by one look-back scan that reads the marks
+// Compact: the list of the marked blocks or cells of a range of linear indices, by one scan that reads the marks
 // and writes the list (DESIGN section 2). The list keeps the order of the indices.
-// Grid: one workgroup per tile of WORKGROUP * ROWS indices, any shape, tiles by ticket.
+// Grid: one workgroup per tile of WORKGROUP * ROWS indices, any shape, tiles by take_tile.
 #define STATUS_BINDING 4
 #include "include/scene.glsl"
 #include "include/tile_rows.glsl"
@@ -56,7 +56,7 @@ void main() {
         before[row] = is_listed[row];
     }
     TileScan scan = scan_tile(tile, exclusive_rows(before));
-    if (scan.failed) {
+    if (scan.stop) {
         return;
     }
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {

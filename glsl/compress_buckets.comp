@@ -3,7 +3,7 @@
 #extension GL_EXT_scalar_block_layout : require
 // Compress 2: runs sorted by hash -> buckets. Equal hashes are merged: bucketColor, hashValue and bucketSize per bucket
 // (bucketBase is the scan of bucketSize), and every run's bucket (the paper's second compression step).
-// Grid: one workgroup per tile of WORKGROUP * ROWS runs, any shape, tiles by ticket.
+// Grid: one workgroup per tile of WORKGROUP * ROWS runs, any shape, tiles by take_tile.
 #define ITEM_COUNT_BINDING 0
 #define STATUS_BINDING 9
 #define QUANTISER_BINDING 11
@@ -51,7 +51,7 @@ void main() {
         before[row] = is_head[row];
     }
     TileScan scan = scan_tile(tile, exclusive_rows(before));
-    if (scan.failed) {
+    if (scan.stop) {
         return;
     }
     uvec4 levels = uvec4(

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Compress 1: runs of equal hash along the linear voxel order -> (hash, base) per run, and every voxel's run. Hashing,
 // head flags, scan and writing in one pass: no flag array in memory (the paper's hash and first compression steps).
-// Grid: one workgroup per tile of WORKGROUP * ROWS voxels, any shape, tiles by ticket.
+// Grid: one workgroup per tile of WORKGROUP * ROWS voxels, any shape, tiles by take_tile.
 #define STATUS_BINDING 6
 #define QUANTISER_BINDING 9
 #include "include/scene.glsl"
@@ -65,7 +65,7 @@ void main() {
         before[row] = is_head[row];
     }
     TileScan scan = scan_tile(tile, exclusive_rows(before));
-    if (scan.failed) {
+    if (scan.stop) {
         return;
     }
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {

@@ -1,8 +1,9 @@
 // One pass of the stable least-significant-digit radix sort of 32-bit keys with u32 payloads: OneSweep (Adinets and
 // Merrill, arXiv 2206.01784). Each workgroup ranks its tile, finds by look-back where its keys of each digit go, and
-// writes them: one read and one write per pair and pass.
+// writes them: one read and one write per pair and pass. Without look-back (see CARRY) a dispatch before this one counts the
+// tiles' digits, and another sums them: the classical three steps, with the same ranking and hence the same result.
 //
-// Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by ticket.
+// Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by take_tile.
 // Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots or, when it is narrow, by broadcasts.
 // Buffers: keys_in, payloads_in -> keys_out, payloads_out (not the same memory); status (zero before the first pass):
 //   RADIX_PASSES tickets and as many words that say whether all keys share the digit, then per pass `rows` rows of RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of
@@ -272,6 +273,9 @@ void main() {
         return;
     }
     if (shared_is_copy != 0u) {
+        if (CARRY == CARRY_COUNT) {
+            return; // there is nothing to count
+        }
         for (uint i = tile * TILE + self; i < min(end, (tile + 1u) * TILE); i += WORKGROUP) {
             keys_out[i] = leaving_key(load_key(i));
             if (PAYLOADS != 0u) {
@@ -320,6 +324,12 @@ void main() {
     }
     uint all;
     uint start = workgroup_exclusive_add(sum, all);
+    if (CARRY == CARRY_COUNT) {
+        for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
+            status[base + (tile + 1u) * RADIX_DIGITS + first + i] = counts[i];
+        }
+        return;
+    }
     uint starts[DIGITS_EACH];
     for (uint i = 0u; i < DIGITS_EACH; i++) {
         starts[i] = start;
@@ -365,7 +375,12 @@ void main() {
     }
 
     uint before[DIGITS_EACH];
-    if (!look_back(tile, end, base, first, counts, before)) {
+    if (CARRY == CARRY_GIVEN) {
+        // Summed up from row 0, whose state has come along.
+        for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
+            before[i] = status[base + (tile + 1u) * RADIX_DIGITS + first + i] & VALUE_MASK;
+        }
+    } else if (!look_back(tile, end, base, first, counts, before)) {
         return; // nothing may be written to a wrong place
     }
     for (uint i = 0u; i < DIGITS_EACH; i++) {

@@ -1,6 +1,6 @@
-// Scan (prefix sum, modulo 2^32) of u32 items in one pass.
+// Scan (prefix sum, modulo 2^32) of u32 items, in one pass or, see CARRY, in two.
 //
-// Grid: one workgroup per tile of WORKGROUP * VECTORS vectors of four items, any shape, tiles by ticket. Any subgroup
+// Grid: one workgroup per tile of WORKGROUP * VECTORS vectors of four items, any shape, tiles by take_tile. Any subgroup
 // size >= SUBGROUP_MIN.
 // Buffers: items = input, sums = output (another buffer), both in vectors of four items (the last may be cut, see ENDS_AMID);
 // totals[total_at] = sum of all items, if TOTAL.
@@ -85,7 +85,7 @@ void main() {
         sum += subgroupBroadcast(inclusive, gl_SubgroupSize - 1u);
     }
     TileScan scan = scan_tile(tile, sum);
-    if (scan.failed) {
+    if (scan.stop) {
         return;
     }
     [[unroll]] for (uint row = 0u; row < VECTORS; row++) {

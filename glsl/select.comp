@@ -1,9 +1,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
-// Select: the items whose flag is not 0, in their order, by one look-back scan that reads the flags and writes the items.
+// Select: the items whose flag is not 0, in their order, by one scan that reads the flags and writes the items.
 //
-// Grid: one workgroup per tile of WORKGROUP * ROWS items, at least one, any shape, tiles by ticket.
+// Grid: one workgroup per tile of WORKGROUP * ROWS items, at least one, any shape, tiles by take_tile.
 // Buffers: flags, items = input; selected = output (another buffer); totals[total_at] = how many there are.
 #define ITEM_COUNT_BINDING 3
 #define STATUS_BINDING 5
@@ -44,7 +44,7 @@ void main() {
         before[row] = is_selected[row];
     }
     TileScan scan = scan_tile(tile, exclusive_rows(before));
-    if (scan.failed) {
+    if (scan.stop) {
         return;
     }
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {

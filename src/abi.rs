@@ -38,6 +38,16 @@ pub struct DispatchArgsPush {
     pub least_tiles: u32,
 }
 
+/// `column_scan.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ColumnScanPush {
+    /// First word of the first row.
+    pub first: u32,
+    /// How many rows there are.
+    pub rows: u32,
+}
+
 /// `bench_copy.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

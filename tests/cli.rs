@@ -340,8 +340,11 @@ fn devices_lists_name_limits_and_what_is_missing() {
         assert!(device["subgroup_size"].as_u64().is_some_and(|n| n > 0), "{device}");
         assert!(device["limits"].as_object().is_some_and(|l| !l.is_empty()), "{device}");
         assert!(device["missing"].is_array(), "{device}");
+        let carry = device["carry"].as_str().unwrap();
+        assert!(carry == "look-back" || carry == "dispatches", "{device}");
     }
     let text = place.succeeds(&["devices"]);
+    assert!(text.contains(&format!("carry sums by {}", devices[0]["carry"].as_str().unwrap())), "{text}");
     assert!(text.contains(devices[0]["name"].as_str().unwrap()), "{text}");
 }
 

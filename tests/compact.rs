@@ -11,6 +11,7 @@ use common::gpu_test;
 use data::assert_same;
 use tyndall::cpu::compact::compact;
 use tyndall::passes::compact::{Blocks, List, Listed, Marks};
+use tyndall::passes::lookback::Carry;
 use tyndall::shaders::constants::MAX_LIGHT_EDGE;
 use tyndall::vk::Recorder;
 use tyndall::volume::Grid;
@@ -85,17 +86,19 @@ fn segments_and_chunks_leave_nothing_out() {
         ] {
             let expected = compact(params, blocks, &texture(ctx, &setup.field), &[], listed, 0, count(blocks, listed));
             assert!(expected.len() > 10_000);
-            let mut list = List::new(ctx, blocks, listed, chunk, segment).unwrap();
-            let mut rec = Recorder::new(ctx).unwrap();
-            list.record(&mut rec, &setup.data, &setup.marks);
-            rec.submit_and_wait().unwrap();
-            assert_eq!(list.read_counts(ctx).unwrap(), expected.len() as u64);
-            assert_eq!(list.items(), expected.len() as u64);
-            let case = format!("{listed:?}, segments of {segment:?}, chunks of {chunk}");
-            assert_same(&case, &list.read_back(ctx).unwrap(), &expected);
-            // The chunks cover every segment's count.
-            let covered: u64 = list.chunks().map(|c| u64::from(c.items)).sum();
-            assert!(covered >= expected.len() as u64, "{case}: {covered}");
+            for carry in [Carry::LookBack, Carry::Dispatches] {
+                let mut list = List::with_carry(ctx, blocks, listed, chunk, segment, carry).unwrap();
+                let mut rec = Recorder::new(ctx).unwrap();
+                list.record(&mut rec, &setup.data, &setup.marks);
+                rec.submit_and_wait().unwrap();
+                assert_eq!(list.read_counts(ctx).unwrap(), expected.len() as u64);
+                assert_eq!(list.items(), expected.len() as u64);
+                let case = format!("{listed:?}, segments of {segment:?}, chunks of {chunk}, {carry:?}");
+                assert_same(&case, &list.read_back(ctx).unwrap(), &expected);
+                // The chunks cover every segment's count.
+                let covered: u64 = list.chunks().map(|c| u64::from(c.items)).sum();
+                assert!(covered >= expected.len() as u64, "{case}: {covered}");
+            }
         }
     });
 }

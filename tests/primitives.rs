@@ -194,6 +194,9 @@ impl<K: Key> Check<'_, K> {
     }
 }
 
+/// The ways in which sums get from tile to tile: results are the same.
+const CARRIES: [Carry; 2] = [Carry::LookBack, Carry::Dispatches];
+
 /// Random keys, many of them equal, among them all that is special about floats.
 fn awkward_keys(n: usize, seed: u64) -> Vec<u32> {
     let special =
@@ -211,9 +214,9 @@ fn awkward_keys(n: usize, seed: u64) -> Vec<u32> {
 }
 
 fn check_kind<K: Key>(own: &OwnDevice, ctx: &Context) {
-    for order in [Order::Ascending, Order::Descending] {
+    for (order, carry) in [Order::Ascending, Order::Descending].into_iter().flat_map(|o| CARRIES.map(|c| (o, c))) {
         for payloads in [Payloads::None, Payloads::U32] {
-            let sort = Sort::<K>::new(ctx, order, payloads).unwrap();
+            let sort = Sort::<K>::with_carry(ctx, order, payloads, carry).unwrap();
             let tile = sort.tile() as usize;
             let most = 3 * tile + 77;
             let scratch = sort.scratch(ctx, most as u32).unwrap();
@@ -379,8 +382,10 @@ fn scratch_memory_may_be_the_callers() {
 #[test]
 fn scans_with_total_at_every_boundary() {
     own_test(|own, ctx| {
-        for kind in [ScanKind::Exclusive, ScanKind::Inclusive] {
-            let scan = Scan::new(ctx, kind, true).unwrap();
+        for (kind, carry) in
+            [ScanKind::Exclusive, ScanKind::Inclusive].into_iter().flat_map(|k| CARRIES.map(|c| (k, c)))
+        {
+            let scan = Scan::with_carry(ctx, kind, true, carry).unwrap();
             let tile = scan.tile() as usize;
             let most = 3 * tile + 6;
             let memory = Array::new(own, &vec![0xFFFF_FFFF; scan.scratch_bytes(ctx, most as u32) as usize / 4]);
@@ -388,7 +393,7 @@ fn scans_with_total_at_every_boundary() {
             let items = Random(7).words(most);
             for n in [0, 1, 2, 3, 4, 5, tile - 1, tile, tile + 1, 2 * tile + 2, most] {
                 for on_gpu in [false, true] {
-                    let case = format!("{n} items, {kind:?}, count on the GPU: {on_gpu}");
+                    let case = format!("{n} items, {kind:?}, {carry:?}, count on the GPU: {on_gpu}");
                     // With a count on the GPU there is more than is to be scanned.
                     let all = if on_gpu { &items } else { &items[..n] };
                     let unwritten = vec![0x5555_5555; all.len()];
@@ -461,8 +466,9 @@ fn buffers_may_end_amid_a_vector() {
 #[test]
 fn selections_of_none_some_and_all() {
     own_test(|own, ctx| {
-        for selected in [Selected::Items, Selected::Indices] {
-            let select = Select::new(ctx, selected).unwrap();
+        for (selected, carry) in [Selected::Items, Selected::Indices].into_iter().flat_map(|s| CARRIES.map(|c| (s, c)))
+        {
+            let select = Select::with_carry(ctx, selected, carry).unwrap();
             let most = 9_001;
             let scratch = select.scratch(ctx, most as u32).unwrap();
             let mut random = Random(9);
@@ -474,7 +480,7 @@ fn selections_of_none_some_and_all() {
                 [(0, 1), (1, 1), (1, 0), (2_048, 1), (2_049, 3), (most, 1), (most, 0), (most, 2), (most, 500)]
             {
                 for on_gpu in [false, true] {
-                    let case = format!("{n} {selected:?}, every {rarity}th, count on the GPU: {on_gpu}");
+                    let case = format!("{n} {selected:?}, {carry:?}, every {rarity}th, count on the GPU: {on_gpu}");
                     let mut flag = || {
                         if rarity != 0 && random.word().is_multiple_of(rarity) { 1 << (random.word() % 32) } else { 0 }
                     };

@@ -18,7 +18,7 @@ use tyndall::cpu;
 use tyndall::cpu::quantiser::{Quantiser, color_histogram, quantiser};
 use tyndall::passes::compact::{List, Listed, Marks};
 use tyndall::passes::emptiness::Emptiness;
-use tyndall::passes::lookback::Report;
+use tyndall::passes::lookback::{Carry, Report};
 use tyndall::passes::proxy::{Proxy, ProxyConfig, ProxyContents};
 use tyndall::passes::scene_data::SceneData;
 use tyndall::render::{Internals, Renderer};
@@ -37,7 +37,7 @@ fn cases<T>(all: &[T]) -> &[T] {
 /// Texel of a field: source and extinction, in the units of `SceneParams`.
 type Texel = [f32; 4];
 
-const PLAIN: ProxyConfig = ProxyConfig { mask: LOSSLESS, capacity: None, zero_colors: false, withhold: 0 };
+const PLAIN: ProxyConfig = ProxyConfig { mask: LOSSLESS, capacity: None, zero_colors: false, withhold: 0, carry: None };
 
 /// A scene whose only parts that matter here are its size and its largest extinction.
 fn scene_of_size(dims: [u32; 3]) -> Scene {
@@ -298,6 +298,23 @@ fn workgroups_that_never_publish_are_computed_for() {
             check(&format!("withhold {withhold}"), &bench.build(ctx, &field), LOSSLESS);
             let Report { fallbacks, errors, .. } = bench.proxy.check(ctx).unwrap();
             assert!(fallbacks > 0 && errors == 0, "{fallbacks} fallbacks, errors {errors:#x}");
+        }
+    });
+}
+
+#[test]
+fn without_look_back_the_proxy_is_the_same() {
+    gpu_test(|ctx| {
+        let dims = [33, 29, 31];
+        let field = random_field(voxels(dims), 1.0, 5);
+        // The second has retries: attempts of which some are not made.
+        for capacity in [None, Some(2_000)] {
+            let config = ProxyConfig { carry: Some(Carry::LookBack), capacity, ..PLAIN };
+            let expected = Bench::new(ctx, dims, config).build(ctx, &field);
+            let bench = Bench::new(ctx, dims, ProxyConfig { carry: Some(Carry::Dispatches), withhold: 1, ..config });
+            let got = bench.build(ctx, &field);
+            assert!(format!("{got:?}") == format!("{expected:?}"), "capacity {capacity:?}");
+            assert_eq!(bench.proxy.check(ctx).unwrap(), Report { spins: 0, fallbacks: 0, errors: 0 });
         }
     });
 }

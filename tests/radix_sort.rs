@@ -10,7 +10,7 @@ use common::gpu_test;
 use data::{Random, assert_same};
 use std::ops::Range;
 use tyndall::cpu;
-use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
+use tyndall::passes::lookback::{Carry, Count, MAX_ITEMS, Report};
 use tyndall::passes::radix_sort::{KeyKind, RadixSort, RadixSortConfig, RadixSortScratch};
 use tyndall::passes::tuning::Tuning;
 use tyndall::vk::{Context, Recorder, Validation};
@@ -23,6 +23,7 @@ const SMALL_TILES: RadixSortConfig = RadixSortConfig {
     kind: KeyKind::U32,
     descending: false,
     ends_amid: false,
+    carry: Carry::LookBack,
     spin_limit: 64,
     withhold: 0,
     broadcast_up_to: 8,
@@ -63,13 +64,25 @@ fn check(
     scratch.diagnostics().check(ctx, "radix sort").unwrap()
 }
 
+/// The ways in which counts get from tile to tile: all sort as the twin does, hence alike.
+const CARRIES: [Carry; 2] = [Carry::LookBack, Carry::Dispatches];
+
 fn check_sizes(ctx: &Context, config: RadixSortConfig, bits: Range<u32>, sizes: &[usize]) {
+    for carry in CARRIES {
+        check_sizes_by(ctx, RadixSortConfig { carry, ..config }, bits.clone(), sizes);
+    }
+}
+
+fn check_sizes_by(ctx: &Context, config: RadixSortConfig, bits: Range<u32>, sizes: &[usize]) {
     let sort = RadixSort::new(ctx, config).unwrap();
     let most = *sizes.iter().max().unwrap();
     let scratch = sort.scratch(ctx, most as u32).unwrap();
     let keys = Random(1).words(most);
     for &n in sizes {
-        check(ctx, &sort, &scratch, bits.clone(), &keys[..n], &format!("{config:?}"));
+        let report = check(ctx, &sort, &scratch, bits.clone(), &keys[..n], &format!("{config:?}"));
+        if config.carry == Carry::Dispatches {
+            assert_eq!((report.spins, report.fallbacks), (0, 0), "{config:?}, {n} pairs");
+        }
     }
 }
 
@@ -88,6 +101,14 @@ fn exact_around_every_boundary() {
 #[test]
 fn exact_at_a_million() {
     gpu_test(|ctx| check_sizes(ctx, Tuning::of(ctx).sort, 0..32, &[1_000_003]));
+}
+
+#[test]
+fn exact_with_more_tiles_than_a_step_of_the_column_scan() {
+    gpu_test(|ctx| {
+        let config = RadixSortConfig { carry: Carry::Dispatches, ..SMALL_TILES };
+        check_sizes_by(ctx, config, 0..8, &[128 * 4100 + 3]);
+    });
 }
 
 #[test]
@@ -155,11 +176,13 @@ fn patterns(n: usize, tile: usize) -> Vec<(String, Vec<u32>)> {
 #[test]
 fn exact_for_every_pattern_of_keys() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
-        let n = 3 * sort.tile() as usize + 77;
-        let scratch = sort.scratch(ctx, n as u32).unwrap();
-        for (name, keys) in patterns(n, sort.tile() as usize) {
-            check(ctx, &sort, &scratch, 0..32, &keys, &name);
+        for carry in CARRIES {
+            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..Tuning::of(ctx).sort }).unwrap();
+            let n = 3 * sort.tile() as usize + 77;
+            let scratch = sort.scratch(ctx, n as u32).unwrap();
+            for (name, keys) in patterns(n, sort.tile() as usize) {
+                check(ctx, &sort, &scratch, 0..32, &keys, &format!("{name}, {carry:?}"));
+            }
         }
     });
 }
@@ -184,29 +207,31 @@ fn a_digit_that_all_keys_share_is_passed_by_without_look_back() {
 #[test]
 fn any_window_of_bits_any_number_of_passes() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
-        let keys = Random(7).words(9_001);
-        let scratch = sort.scratch(ctx, 9_001).unwrap();
-        let windows = [
-            0..0,
-            7..7,
-            32..32,
-            0..1,
-            3..4,
-            31..32,
-            0..8,
-            24..32,
-            0..9,
-            0..16,
-            5..17,
-            8..24,
-            4..28,
-            0..24,
-            1..31,
-            0..31,
-        ];
-        for bits in windows {
-            check(ctx, &sort, &scratch, bits, &keys, "random");
+        for carry in CARRIES {
+            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..Tuning::of(ctx).sort }).unwrap();
+            let keys = Random(7).words(9_001);
+            let scratch = sort.scratch(ctx, 9_001).unwrap();
+            let windows = [
+                0..0,
+                7..7,
+                32..32,
+                0..1,
+                3..4,
+                31..32,
+                0..8,
+                24..32,
+                0..9,
+                0..16,
+                5..17,
+                8..24,
+                4..28,
+                0..24,
+                1..31,
+                0..31,
+            ];
+            for bits in windows {
+                check(ctx, &sort, &scratch, bits, &keys, "random");
+            }
         }
     });
 }
@@ -216,37 +241,39 @@ fn the_count_may_come_from_the_gpu() {
     gpu_test(|ctx| {
         let capacity = 40_000;
         let keys = Random(8).words(capacity);
-        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
-        let tile = sort.tile() as usize;
-        let scratch = sort.scratch(ctx, capacity as u32).unwrap();
-        let sort_counted = |n: u32| {
-            let counts = ctx.upload("counts", &[7, n]).unwrap();
-            let key_buffer = ctx.upload("keys", &keys).unwrap();
-            let payload_buffer = ctx.upload("payloads", &indices(capacity)).unwrap();
-            let mut rec = Recorder::new(ctx).unwrap();
-            scratch.diagnostics().clear(&mut rec);
-            let count = Count::Gpu { buffer: &counts, offset: 1 };
-            let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, count, 0..16, &scratch);
-            rec.submit_and_wait().unwrap();
-            let report = scratch.diagnostics().check(ctx, "radix sort");
-            (ctx.read_back(sorted.keys).unwrap(), ctx.read_back(sorted.payloads).unwrap(), report)
-        };
-        for n in [0, 1, tile - 1, tile, tile + 1, 32_768, 32_769, capacity - 1, capacity] {
-            let (sorted_keys, sorted_payloads, report) = sort_counted(n as u32);
-            report.unwrap();
-            let (mut expected_keys, mut expected_payloads) =
-                cpu::radix_sort::sort_pairs(&keys[..n], &indices(n), 0, 16);
-            // The rest stays as it was: two passes end in place.
-            expected_keys.extend(&keys[n..]);
-            expected_payloads.extend(n as u32..capacity as u32);
-            assert_same(&format!("{n} on the GPU, payloads"), &sorted_payloads, &expected_payloads);
-            assert_same(&format!("{n} on the GPU, keys"), &sorted_keys, &expected_keys);
+        for carry in CARRIES {
+            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..Tuning::of(ctx).sort }).unwrap();
+            let tile = sort.tile() as usize;
+            let scratch = sort.scratch(ctx, capacity as u32).unwrap();
+            let sort_counted = |n: u32| {
+                let counts = ctx.upload("counts", &[7, n]).unwrap();
+                let key_buffer = ctx.upload("keys", &keys).unwrap();
+                let payload_buffer = ctx.upload("payloads", &indices(capacity)).unwrap();
+                let mut rec = Recorder::new(ctx).unwrap();
+                scratch.diagnostics().clear(&mut rec);
+                let count = Count::Gpu { buffer: &counts, offset: 1 };
+                let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, count, 0..16, &scratch);
+                rec.submit_and_wait().unwrap();
+                let report = scratch.diagnostics().check(ctx, "radix sort");
+                (ctx.read_back(sorted.keys).unwrap(), ctx.read_back(sorted.payloads).unwrap(), report)
+            };
+            for n in [0, 1, tile - 1, tile, tile + 1, 32_768, 32_769, capacity - 1, capacity] {
+                let (sorted_keys, sorted_payloads, report) = sort_counted(n as u32);
+                report.unwrap();
+                let (mut expected_keys, mut expected_payloads) =
+                    cpu::radix_sort::sort_pairs(&keys[..n], &indices(n), 0, 16);
+                // The rest stays as it was: two passes end in place.
+                expected_keys.extend(&keys[n..]);
+                expected_payloads.extend(n as u32..capacity as u32);
+                assert_same(&format!("{n} on the GPU, payloads"), &sorted_payloads, &expected_payloads);
+                assert_same(&format!("{n} on the GPU, keys"), &sorted_keys, &expected_keys);
+            }
+            for n in [capacity as u32 + 1, u32::MAX] {
+                let error = sort_counted(n).2.unwrap_err().to_string();
+                assert!(error.contains("'radix sort'") && error.contains("capacity"), "{error}");
+            }
+            sort_counted(5).2.expect("a cleared error is gone");
         }
-        for n in [capacity as u32 + 1, u32::MAX] {
-            let error = sort_counted(n).2.unwrap_err().to_string();
-            assert!(error.contains("'radix sort'") && error.contains("capacity"), "{error}");
-        }
-        sort_counted(5).2.expect("a cleared error is gone");
     });
 }
 
@@ -287,6 +314,17 @@ fn a_suspended_tile_is_counted_by_those_that_need_it() {
 }
 
 #[test]
+fn without_look_back_no_tile_waits_for_what_is_withheld() {
+    gpu_test(|ctx| {
+        // With look-back the first of these counts every tile anew, and the second is an error.
+        for (withhold, spin_limit) in [(1, 0), (1, u32::MAX), (2, u32::MAX), (5, 64)] {
+            let config = RadixSortConfig { carry: Carry::Dispatches, withhold, spin_limit, ..SMALL_TILES };
+            check_sizes_by(ctx, config, 4..20, &[1, 128 * 6, 128 * 60 + 5]);
+        }
+    });
+}
+
+#[test]
 fn an_exhausted_budget_is_an_error_and_no_pair_is_misplaced() {
     gpu_test(|ctx| {
         let keys = Random(10).words(128 * 6);
@@ -315,31 +353,33 @@ fn an_exhausted_budget_is_an_error_and_no_pair_is_misplaced() {
 #[test]
 fn memory_is_reused_within_and_across_submissions() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, Tuning::of(ctx).sort).unwrap();
-        let scratch = sort.scratch(ctx, 100_000).unwrap();
-        let mut random = Random(11);
-        for n in [100_000, 1, 257, 100_000, 0, 4_000, 3] {
-            check(ctx, &sort, &scratch, 0..24, &random.words(n), "reused");
-        }
-        // Three sorts in a row in one command buffer, two of them with the same memory.
-        let other = sort.scratch(ctx, 50_000).unwrap();
-        let lists: Vec<Vec<u32>> = [50_000, 50_000, 12_345].iter().map(|&n| random.words(n)).collect();
-        let buffers: Vec<_> = lists
-            .iter()
-            .map(|keys| (ctx.upload("keys", keys).unwrap(), ctx.upload("payloads", &indices(keys.len())).unwrap()))
-            .collect();
-        let mut rec = Recorder::new(ctx).unwrap();
-        let sorted: Vec<_> = buffers
-            .iter()
-            .zip([&scratch, &other, &scratch])
-            .map(|((keys, payloads), scratch)| {
-                sort.record(&mut rec, keys, payloads, Count::Host(keys.len() as u32), 0..32, scratch)
-            })
-            .collect();
-        rec.submit_and_wait().unwrap();
-        for (keys, sorted) in lists.iter().zip(sorted) {
-            let (_, expected) = cpu::radix_sort::sort_pairs(keys, &indices(keys.len()), 0, 32);
-            assert_same("in a row", &ctx.read_back(sorted.payloads).unwrap(), &expected);
+        for carry in CARRIES {
+            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..Tuning::of(ctx).sort }).unwrap();
+            let scratch = sort.scratch(ctx, 100_000).unwrap();
+            let mut random = Random(11);
+            for n in [100_000, 1, 257, 100_000, 0, 4_000, 3] {
+                check(ctx, &sort, &scratch, 0..24, &random.words(n), "reused");
+            }
+            // Three sorts in a row in one command buffer, two of them with the same memory.
+            let other = sort.scratch(ctx, 50_000).unwrap();
+            let lists: Vec<Vec<u32>> = [50_000, 50_000, 12_345].iter().map(|&n| random.words(n)).collect();
+            let buffers: Vec<_> = lists
+                .iter()
+                .map(|keys| (ctx.upload("keys", keys).unwrap(), ctx.upload("payloads", &indices(keys.len())).unwrap()))
+                .collect();
+            let mut rec = Recorder::new(ctx).unwrap();
+            let sorted: Vec<_> = buffers
+                .iter()
+                .zip([&scratch, &other, &scratch])
+                .map(|((keys, payloads), scratch)| {
+                    sort.record(&mut rec, keys, payloads, Count::Host(keys.len() as u32), 0..32, scratch)
+                })
+                .collect();
+            rec.submit_and_wait().unwrap();
+            for (keys, sorted) in lists.iter().zip(sorted) {
+                let (_, expected) = cpu::radix_sort::sort_pairs(keys, &indices(keys.len()), 0, 32);
+                assert_same("in a row", &ctx.read_back(sorted.payloads).unwrap(), &expected);
+            }
         }
     });
 }

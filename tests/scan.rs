@@ -8,7 +8,7 @@ mod data;
 use common::gpu_test;
 use data::{Random, assert_same};
 use tyndall::cpu;
-use tyndall::passes::lookback::{Count, MAX_ITEMS, Report};
+use tyndall::passes::lookback::{Carry, Count, MAX_ITEMS, Report};
 use tyndall::passes::scan::{Scan, ScanConfig, ScanScratch};
 use tyndall::passes::tuning::Tuning;
 use tyndall::vk::{Context, Recorder, Validation};
@@ -25,6 +25,7 @@ const SMALL_TILES: ScanConfig = ScanConfig {
     ends_amid: false,
     workgroup: 64,
     vectors: 1,
+    carry: Carry::LookBack,
     spin_limit: 64,
     withhold: 0,
 };
@@ -41,10 +42,23 @@ fn check(ctx: &Context, scan: &Scan, scratch: &ScanScratch, config: ScanConfig, 
     assert_eq!(sums.pop(), Some(SENTINEL), "{} items: stored beyond the end", items.len());
     let expected = if config.inclusive { cpu::scan::inclusive(items) } else { cpu::scan::exclusive(items) };
     assert_same(&format!("{} items, {config:?}", items.len()), &sums, &expected);
-    scratch.diagnostics().check(ctx, "scan").unwrap()
+    let report = scratch.diagnostics().check(ctx, "scan").unwrap();
+    if config.carry == Carry::Dispatches {
+        assert_eq!((report.spins, report.fallbacks), (0, 0), "{} items, {config:?}", items.len());
+    }
+    report
 }
 
+/// The ways in which sums get from tile to tile: all give the twin's, hence the same.
+const CARRIES: [Carry; 2] = [Carry::LookBack, Carry::Dispatches];
+
 fn check_sizes(ctx: &Context, config: ScanConfig, sizes: &[usize]) {
+    for carry in CARRIES {
+        check_sizes_by(ctx, ScanConfig { carry, ..config }, sizes);
+    }
+}
+
+fn check_sizes_by(ctx: &Context, config: ScanConfig, sizes: &[usize]) {
     let scan = Scan::new(ctx, config).unwrap();
     let scratch = scan.scratch(ctx, *sizes.iter().max().unwrap() as u32).unwrap();
     let items = Random(1).words(*sizes.iter().max().unwrap());
@@ -143,6 +157,17 @@ fn a_suspended_tile_is_computed_by_those_that_need_it() {
 }
 
 #[test]
+fn without_look_back_no_tile_waits_for_what_is_withheld() {
+    gpu_test(|ctx| {
+        // With look-back the first of these computes every tile anew, and the second is an error.
+        for (withhold, spin_limit) in [(1, 0), (1, u32::MAX), (2, u32::MAX), (7, 64)] {
+            let config = ScanConfig { carry: Carry::Dispatches, withhold, spin_limit, ..SMALL_TILES };
+            check_sizes_by(ctx, config, &[1, SMALL * 6, SMALL * 100 + 5]);
+        }
+    });
+}
+
+#[test]
 fn an_exhausted_budget_is_an_error_and_no_wrong_sum() {
     gpu_test(|ctx| {
         let items = Random(3).words(SMALL * 6);
@@ -169,58 +194,63 @@ fn the_count_may_come_from_the_gpu() {
         let items = Random(4).words(capacity);
         let input = ctx.upload("items", &items).unwrap();
         let expected = cpu::scan::exclusive(&items);
-        let scan = Scan::new(ctx, Tuning::of(ctx).scan).unwrap();
-        let scratch = scan.scratch(ctx, capacity as u32).unwrap();
-        let scan_counted = |n: u32| {
-            let counts = ctx.upload("counts", &[7, 8, n]).unwrap();
-            let output = ctx.upload("sums", &vec![SENTINEL; capacity]).unwrap();
-            let mut rec = Recorder::new(ctx).unwrap();
-            scratch.diagnostics().clear(&mut rec);
-            scan.record(&mut rec, &input, &output, Count::Gpu { buffer: &counts, offset: 2 }, &scratch);
-            rec.submit_and_wait().unwrap();
-            (ctx.read_back(&output).unwrap(), scratch.diagnostics().check(ctx, "scan"))
-        };
-        for n in [0, 1, 4095, 4096, 4097, capacity - 1, capacity] {
-            let (sums, report) = scan_counted(n as u32);
-            report.unwrap();
-            assert_same(&format!("{n} on the GPU"), &sums[..n], &expected[..n]);
-            assert!(sums[n..].iter().all(|&sum| sum == SENTINEL), "{n} on the GPU: stored beyond the count");
+        for carry in CARRIES {
+            let scan = Scan::new(ctx, ScanConfig { carry, ..Tuning::of(ctx).scan }).unwrap();
+            let scratch = scan.scratch(ctx, capacity as u32).unwrap();
+            let scan_counted = |n: u32| {
+                let counts = ctx.upload("counts", &[7, 8, n]).unwrap();
+                let output = ctx.upload("sums", &vec![SENTINEL; capacity]).unwrap();
+                let mut rec = Recorder::new(ctx).unwrap();
+                scratch.diagnostics().clear(&mut rec);
+                scan.record(&mut rec, &input, &output, Count::Gpu { buffer: &counts, offset: 2 }, &scratch);
+                rec.submit_and_wait().unwrap();
+                (ctx.read_back(&output).unwrap(), scratch.diagnostics().check(ctx, "scan"))
+            };
+            for n in [0, 1, 4095, 4096, 4097, capacity - 1, capacity] {
+                let (sums, report) = scan_counted(n as u32);
+                report.unwrap();
+                assert_same(&format!("{n} on the GPU"), &sums[..n], &expected[..n]);
+                assert!(sums[n..].iter().all(|&sum| sum == SENTINEL), "{n} on the GPU: stored beyond the count");
+            }
+            for n in [capacity as u32 + 1, u32::MAX] {
+                let (sums, report) = scan_counted(n);
+                assert!(report.unwrap_err().to_string().contains("capacity"), "{n} on the GPU");
+                assert_same("what there is room for", &sums, &expected);
+            }
+            scan_counted(5).1.expect("a cleared error is gone");
         }
-        for n in [capacity as u32 + 1, u32::MAX] {
-            let (sums, report) = scan_counted(n);
-            assert!(report.unwrap_err().to_string().contains("capacity"), "{n} on the GPU");
-            assert_same("what there is room for", &sums, &expected);
-        }
-        scan_counted(5).1.expect("a cleared error is gone");
     });
 }
 
 #[test]
 fn memory_is_reused_within_and_across_submissions() {
     gpu_test(|ctx| {
-        let config = SMALL_TILES;
-        let scan = Scan::new(ctx, config).unwrap();
-        let scratch = scan.scratch(ctx, 200_000).unwrap();
-        let mut random = Random(5);
-        for n in [200_000, 1, SMALL + 1, 200_000, 50_000, 3, SMALL] {
-            check(ctx, &scan, &scratch, config, &random.words(n));
+        for carry in CARRIES {
+            let config = ScanConfig { carry, ..SMALL_TILES };
+            let scan = Scan::new(ctx, config).unwrap();
+            let scratch = scan.scratch(ctx, 200_000).unwrap();
+            let mut random = Random(5);
+            for n in [200_000, 1, SMALL + 1, 200_000, 50_000, 3, SMALL] {
+                check(ctx, &scan, &scratch, config, &random.words(n));
+            }
+            // Three scans in a row in one command buffer: of the items, of their sums, of those; and one on other memory.
+            let items = random.words(150_000);
+            let other = scan.scratch(ctx, 150_000).unwrap();
+            let buffers: Vec<_> =
+                ["a", "b", "c", "d", "e"].iter().map(|name| ctx.upload(name, &items).unwrap()).collect();
+            let mut rec = Recorder::new(ctx).unwrap();
+            scan.record(&mut rec, &buffers[0], &buffers[1], Count::Host(150_000), &scratch);
+            scan.record(&mut rec, &buffers[1], &buffers[2], Count::Host(150_000), &scratch);
+            scan.record(&mut rec, &buffers[0], &buffers[4], Count::Host(150_000), &other);
+            scan.record(&mut rec, &buffers[2], &buffers[3], Count::Host(150_000), &scratch);
+            rec.submit_and_wait().unwrap();
+            let mut expected = items.clone();
+            for buffer in &buffers[1..4] {
+                expected = cpu::scan::exclusive(&expected);
+                assert_same(buffer.name(), &ctx.read_back(buffer).unwrap(), &expected);
+            }
+            assert_same("other", &ctx.read_back(&buffers[4]).unwrap(), &cpu::scan::exclusive(&items));
         }
-        // Three scans in a row in one command buffer: of the items, of their sums, of those; and one on other memory.
-        let items = random.words(150_000);
-        let other = scan.scratch(ctx, 150_000).unwrap();
-        let buffers: Vec<_> = ["a", "b", "c", "d", "e"].iter().map(|name| ctx.upload(name, &items).unwrap()).collect();
-        let mut rec = Recorder::new(ctx).unwrap();
-        scan.record(&mut rec, &buffers[0], &buffers[1], Count::Host(150_000), &scratch);
-        scan.record(&mut rec, &buffers[1], &buffers[2], Count::Host(150_000), &scratch);
-        scan.record(&mut rec, &buffers[0], &buffers[4], Count::Host(150_000), &other);
-        scan.record(&mut rec, &buffers[2], &buffers[3], Count::Host(150_000), &scratch);
-        rec.submit_and_wait().unwrap();
-        let mut expected = items.clone();
-        for buffer in &buffers[1..4] {
-            expected = cpu::scan::exclusive(&expected);
-            assert_same(buffer.name(), &ctx.read_back(buffer).unwrap(), &expected);
-        }
-        assert_same("other", &ctx.read_back(&buffers[4]).unwrap(), &cpu::scan::exclusive(&items));
     });
 }
 

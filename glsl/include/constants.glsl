@@ -36,6 +36,13 @@ const uint LOOKBACK_TICKET = 0u;
 // Words of lookback.glsl's `status` before those of the tiles.
 const uint LOOKBACK_HEAD = 1u;
 
+// CARRY: one dispatch does all; tiles look back for what comes before them.
+const uint CARRY_LOOK_BACK = 0u;
+// CARRY: the first of three dispatches: tiles write their sums, and nothing else. The second is column_scan.comp.
+const uint CARRY_COUNT = 1u;
+// CARRY: the third of three dispatches: tiles read what comes before them.
+const uint CARRY_GIVEN = 2u;
+
 // Bits of a radix sort digit.
 const uint RADIX_BITS = 8u;
 // Values of a radix sort digit.

@@ -1,5 +1,6 @@
-// Single-pass scan over tiles for any kernel: decoupled look-back with fallback (Merrill and Garland 2016; the fallback
-// after Smith, Levien and Owens, "Decoupled Fallback", 2025). Sums are exact modulo 2^32.
+// Scan over tiles for any kernel, in a single pass: decoupled look-back with fallback (Merrill and Garland 2016; the
+// fallback after Smith, Levien and Owens, "Decoupled Fallback", 2025); or by three dispatches, see CARRY. Sums are exact
+// modulo 2^32, and the same both ways.
 //
 // Contract. The including kernel
 //   1. defines STATUS_BINDING, which with the next binding holds `status` (LOOKBACK_HEAD + 2 words per tile, zero before
@@ -12,7 +13,7 @@
 //         if (tile >= tiles) return;
 //      computes its values, with subgroup k owning the k-th part of the tile, and their sum over the subgroup, then
 //         TileScan scan = scan_tile(tile, subgroup_sum);
-//         if (scan.failed) return;                  // reported; nothing may be written
+//         if (scan.stop) return;                    // failed and reported, or CARRY_COUNT: nothing may be written
 //      scan.before = sum of all values before this subgroup's first one; scan.inclusive = sum of all up to the tile's
 //      end, in the last tile the grand total.
 // Kernels with one value per item find the rest in tile_rows.glsl.
@@ -26,7 +27,7 @@
 struct TileScan {
     uint before;
     uint inclusive;
-    bool failed;
+    bool stop;
 };
 
 uint tile_share(uint tile);
@@ -75,7 +76,27 @@ void walk_back(inout uint next, inout uint exclusive, inout uint steps, inout ui
     }
 }
 
+// scan_tile without look-back: writes the tile's sum for column_scan.comp, or reads what that has made of it.
+TileScan scan_tile_by_dispatches(uint tile, uint subgroup_sum) {
+    TileScan scan;
+    uint tile_sum;
+    scan.before = exclusive_add_over_subgroups(subgroup_sum, tile_sum);
+    scan.inclusive = tile_sum;
+    scan.stop = CARRY == CARRY_COUNT;
+    if (CARRY == CARRY_GIVEN) {
+        uint exclusive = status[LOOKBACK_HEAD + tile];
+        scan.before += exclusive;
+        scan.inclusive += exclusive;
+    } else if (linear_index() == 0u) {
+        status[LOOKBACK_HEAD + tile] = tile_sum;
+    }
+    return scan;
+}
+
 TileScan scan_tile(uint tile, uint subgroup_sum) {
+    if (CARRY != CARRY_LOOK_BACK) {
+        return scan_tile_by_dispatches(tile, subgroup_sum);
+    }
     TileScan scan;
     uint tile_sum;
     scan.before = exclusive_add_over_subgroups(subgroup_sum, tile_sum);
@@ -119,11 +140,11 @@ TileScan scan_tile(uint tile, uint subgroup_sum) {
         fallbacks++;
     }
 
-    scan.failed = shared_next == NO_TILE;
+    scan.stop = shared_next == NO_TILE;
     exclusive = shared_exclusive;
     if (leader) {
         report_lookback(spins, fallbacks);
-        if (scan.failed) {
+        if (scan.stop) {
             report_error(ERROR_BUDGET);
         }
     }

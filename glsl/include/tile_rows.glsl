@@ -11,7 +11,7 @@
 //     uint before[ROWS];
 //     for (uint row = 0u; row < ROWS; row++) before[row] = tile_item(item_index(tile, row));
 //     TileScan scan = scan_tile(tile, exclusive_rows(before));
-//     if (scan.failed) return;
+//     if (scan.stop) return;
 //     // sum of all items before item_index(tile, row) = scan.before + before[row]; of all up to the tile's end =
 //     // scan.inclusive
 #ifndef TILE_ROWS_GLSL

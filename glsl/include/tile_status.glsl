@@ -11,6 +11,9 @@
 // State and value share one word, so relaxed atomics suffice. Words only grow (atomicMax), and all who publish the same
 // state of a tile publish the same value: the owner and any number of helpers may do it, in any order.
 //
+// Where CARRY is not CARRY_LOOK_BACK none of this happens: no tile waits for another or reads what one of the same dispatch
+// writes, so it does not matter which workgroups run when. Status words are plain sums then, without a state.
+//
 // Kernels keep to GLSL's own memory model: relaxed atomics with device scope need no more, and under
 // `#pragma use_vulkan_memory_model` lavapipe 22.3.6 suspends the subgroup at every access to shared memory; a loop with
 // such accesses that not all subgroups run then puts their later barriers out of step.
@@ -28,6 +31,8 @@
 layout(constant_id = 2) const uint SPIN_LIMIT = 64u;
 // For tests: when not 0, every WITHHOLD-th tile never publishes, as if its workgroup had been suspended for ever.
 layout(constant_id = 3) const uint WITHHOLD = 0u;
+// How sums get from tile to tile: CARRY_*.
+layout(constant_id = 15) const uint CARRY = CARRY_LOOK_BACK;
 
 layout(set = 0, binding = STATUS_BINDING, scalar) buffer Status { uint status[]; };
 layout(set = 0, binding = STATUS_BINDING + 1, scalar) buffer Diagnostics { uint diagnostics[]; };
@@ -53,8 +58,11 @@ void publish_status(uint index, uint state, uint value) {
     atomicMax(status[index], (state << STATE_SHIFT) | value, gl_ScopeDevice, 0, 0);
 }
 
-// Whether the tile's owner may publish (see WITHHOLD).
+// Whether the tile's owner publishes (see CARRY, WITHHOLD).
 bool may_publish(uint tile) {
+    if (CARRY != CARRY_LOOK_BACK) {
+        return false;
+    }
     return WITHHOLD == 0u || tile % WITHHOLD != 0u;
 }
 
@@ -72,7 +80,8 @@ void report_lookback(uint spins, uint fallbacks) {
     }
 }
 
-// The workgroup's tile, by the ticket counter at status[counter]. A workgroup whose ticket is beyond the last tile has
+// The workgroup's tile, by the ticket counter at status[counter], or where no tile waits for another by its own number. A
+// workgroup whose ticket is beyond the last tile has
 // nothing to do. Returns NO_TILE, with an error reported, where the subgroups are not what this code relies on.
 const uint NO_TILE = 0xFFFFFFFFu;
 uint take_tile(uint counter) {
@@ -81,7 +90,11 @@ uint take_tile(uint counter) {
         return NO_TILE;
     }
     if (linear_index() == 0u) {
-        shared_ticket = atomicAdd(status[counter], 1u, gl_ScopeDevice, 0, 0);
+        if (CARRY == CARRY_LOOK_BACK) {
+            shared_ticket = atomicAdd(status[counter], 1u, gl_ScopeDevice, 0, 0);
+        } else {
+            shared_ticket = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+        }
     }
     barrier();
     return shared_ticket;

@@ -4,7 +4,7 @@
 use super::{Start, time_each, time_parts};
 use crate::cpu;
 use crate::passes::bench_copy::{BenchCopy, CopyShape};
-use crate::passes::lookback::{Count, Diagnostics, MAX_ITEMS};
+use crate::passes::lookback::{Carry, Count, Diagnostics, MAX_ITEMS};
 use crate::passes::radix_sort::{RadixSort, RadixSortConfig, Sorted};
 use crate::passes::scan::{Scan, ScanConfig};
 use crate::stats::median;
@@ -113,6 +113,14 @@ impl Row {
             spins: 0.0,
             fallbacks: 0.0,
         }
+    }
+}
+
+/// A name for figures: `what`, and the way in which it carries sums unless that is look-back.
+fn name_of(what: &str, carry: Carry) -> String {
+    match carry {
+        Carry::LookBack => what.to_owned(),
+        Carry::Dispatches => format!("{what}, no look-back"),
     }
 }
 
@@ -228,7 +236,7 @@ pub fn scan(ctx: &Context, config: &Config, shape: ScanConfig, progress: &mut dy
         rows.extend(copies(ctx, &shapes, (&input, &output), n, config.runs)?);
         let record = |rec: &mut Recorder| scan.record(rec, &input, &output, Count::Host(n), &scratch);
         let times = time_each(ctx, Start::Warm, config.runs, |_| {}, record)?;
-        let mut row = Row::new("scan", n, None, SCAN_BYTES, &times);
+        let mut row = Row::new(&name_of("scan", shape.carry), n, None, SCAN_BYTES, &times);
         add_parts(ctx, &mut row, scratch.diagnostics(), |_| {}, record)?;
         let sums = ctx.read_back_range(&output, 0..n as usize)?;
         let expected = if shape.inclusive { cpu::scan::inclusive } else { cpu::scan::exclusive };
@@ -308,7 +316,7 @@ pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &m
     for payloads in [false, true] {
         let sort = RadixSort::new(ctx, RadixSortConfig { payloads, ..shape })?;
         let scratch = sort.scratch(ctx, most)?;
-        let what = if payloads { "sort pairs" } else { "sort keys" };
+        let what = name_of(if payloads { "sort pairs" } else { "sort keys" }, shape.carry);
         for &ands in &config.ands {
             let keys: Vec<u32> = keys(most, ands).into_iter().map(|key| key >> (32 - config.bits)).collect();
             if config.rivals && !payloads {
@@ -335,13 +343,13 @@ pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &m
                 };
                 let times = time_each(ctx, Start::Cold, config.runs, prepare, record)?;
                 let entropy = Some(entropy_of(ands));
-                let mut row = Row::new(what, n, entropy, sort_bytes(config.bits, payloads), &times);
+                let mut row = Row::new(&what, n, entropy, sort_bytes(config.bits, payloads), &times);
                 add_parts(ctx, &mut row, scratch.diagnostics(), prepare, record)?;
                 let result = result.get().expect("every run sets it");
                 let sorted = ctx.read_back_range(result.keys, 0..n as usize)?;
                 let places = if payloads { Some(ctx.read_back_range(result.payloads, 0..n as usize)?) } else { None };
                 if !is_sorted(&keys[..n as usize], &sorted, places.as_deref()) {
-                    return Err(wrong("radix sort", what, n));
+                    return Err(wrong("radix sort", &what, n));
                 }
                 row.of_copy = row.bytes_per_second / best_copy(&rows, n);
                 rows.push(row);

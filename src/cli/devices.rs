@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
 
-use super::in_string;
+use super::{in_string, name_of};
 use crate::Result;
+use crate::passes::tuning::carry_of;
 use crate::stats::to_json;
 use crate::vk::{self, DeviceInfo};
 
@@ -34,6 +35,7 @@ fn object(device: &DeviceInfo) -> Value {
         "kind": device.kind,
         "api_version": device.api_version,
         "subgroup_size": device.subgroup_size,
+        "carry": carry_of(device.driver_id),
         "limits": limits,
         "missing": device.missing,
     })
@@ -49,6 +51,7 @@ fn text(index: usize, device: &DeviceInfo) -> String {
         for (name, value) in &device.limits {
             writeln!(out, "     {name:<36} {value:>14}")?;
         }
+        writeln!(out, "   scan and sort carry sums by {}", name_of(&carry_of(device.driver_id)))?;
         if device.missing.is_empty() {
             writeln!(out, "   Tyndall runs here")
         } else {

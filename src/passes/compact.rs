@@ -6,8 +6,9 @@
 
 use super::classify::voxel_grid;
 use super::emptiness::Emptiness;
-use super::lookback::{self, Diagnostics};
+use super::lookback::{self, Carry, Columns, Diagnostics, Groups, TileKernel};
 use super::scene_data::SceneData;
+use super::tuning::carry_of;
 use super::{LIST_WORKGROUP, order_compute};
 use crate::abi::{ChunkArgsPush, CompactPush, MarkPush};
 use crate::shaders::{self, constants};
@@ -103,7 +104,7 @@ pub struct List {
     edge: u32,
     segments: Vec<Segment>,
     chunk_items: u32,
-    pipeline: Pipeline,
+    kernel: TileKernel,
     args: Pipeline,
     status: Buffer<u32>,
     diagnostics: Diagnostics,
@@ -165,6 +166,19 @@ impl List {
         chunk_items: u32,
         segment_items: Option<u32>,
     ) -> Result<Self> {
+        let carry = carry_of(ctx.device_info().driver_id);
+        Self::with_carry(ctx, blocks, listed, chunk_items, segment_items, carry)
+    }
+
+    /// The same, with sums carried in this way instead of the device's.
+    pub fn with_carry(
+        ctx: &Context,
+        blocks: Blocks,
+        listed: Listed,
+        chunk_items: u32,
+        segment_items: Option<u32>,
+        carry: Carry,
+    ) -> Result<Self> {
         let counts = match listed {
             Listed::Cells | Listed::SeenCells | Listed::HiddenCells => blocks.cells(),
             Listed::Voxels | Listed::Nodes => blocks.dims,
@@ -202,7 +216,7 @@ impl List {
             edge: blocks.edge,
             segments,
             chunk_items,
-            pipeline: Pipeline::new(ctx, &shaders::COMPACT, &specialization)?,
+            kernel: TileKernel::new(ctx, &shaders::COMPACT, &specialization, carry)?,
             args: Pipeline::new(ctx, &shaders::CHUNK_ARGS, &[("WORKGROUP", LIST_WORKGROUP)])?,
             status: ctx.device_buffer("compact.status", lookback::status_words(longest.div_ceil(WORKGROUP * ROWS)))?,
             diagnostics: Diagnostics::new(ctx)?,
@@ -216,8 +230,9 @@ impl List {
             rec.fill(&self.status, 0);
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
             order_compute(rec);
-            rec.dispatch(
-                &self.pipeline,
+            let tiles = segment.count.div_ceil(WORKGROUP * ROWS);
+            self.kernel.run(
+                rec,
                 &[
                     ("scene_block", scene.block.bind()),
                     ("marks", marks.image.sampled(Filter::Nearest)),
@@ -227,7 +242,8 @@ impl List {
                     ("diagnostics", self.diagnostics.buffer().bind()),
                 ],
                 &CompactPush { first: segment.first, count: segment.count, edge: self.edge },
-                lookback::grid(segment.count.div_ceil(WORKGROUP * ROWS)),
+                Groups::Direct(lookback::grid(tiles)),
+                &Columns::of_tiles(&self.status, &self.diagnostics, tiles),
             );
         }
     }

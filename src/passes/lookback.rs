@@ -1,14 +1,25 @@
-//! Host side of the single-pass kernels (`glsl/include/tile_status.glsl`, `lookback.glsl`): counts that live on the
-//! host or on the GPU, grids, status memory, and what the kernels report.
+//! Host side of the kernels that carry sums from tile to tile (`glsl/include/tile_status.glsl`, `lookback.glsl`): by look-back
+//! or without, counts that live on the host or on the GPU, grids, status memory, and what the kernels report.
 
-use crate::abi::DispatchArgsPush;
-use crate::shaders::{self, constants};
+use crate::abi::{ColumnScanPush, DispatchArgsPush};
+use crate::shaders::{self, ShaderInfo, constants};
 use crate::vk::{Access, Bind, Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 use bytemuck::Pod;
 
 /// Largest count of items: look-back words keep 30 bits.
 pub const MAX_ITEMS: u32 = (1 << 30) - 1;
+
+/// How sums get from tile to tile. Results are the same, bit for bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Carry {
+    /// Within one dispatch: a tile looks back at what earlier ones have published, and computes what stays missing.
+    LookBack,
+    /// Between three dispatches, which count, sum up and place (reduce-then-scan). No tile waits for another, so nothing is
+    /// asked of the order in which the device runs workgroups.
+    Dispatches,
+}
 
 /// How many items a pass works on.
 #[derive(Clone, Copy)]
@@ -74,20 +85,108 @@ pub fn grid(tiles: u32) -> [u32; 3] {
     [width, if width == 0 { 1 } else { tiles.div_ceil(width) }, 1]
 }
 
-/// Runs a kernel with one workgroup per tile of `tile_items` items; for a count on the GPU by the arguments that
-/// [`DispatchArgs::record`] wrote to `args` at element `offset`.
-pub(super) fn dispatch_tiles<P: Pod>(
-    rec: &mut Recorder,
-    pipeline: &Pipeline,
-    binds: &[(&str, Bind<'_>)],
-    push: &P,
-    count: Count<'_>,
-    tile_items: u32,
-    (args, offset): (&Buffer<u32>, usize),
-) {
-    match count {
-        Count::Host(n) => rec.dispatch(pipeline, binds, push, grid(n.div_ceil(tile_items))),
-        Count::Gpu { .. } => rec.dispatch_indirect(pipeline, binds, push, args, offset),
+/// Where the tiles' sums are that a kernel leaves to `column_scan.comp`, and who hears of errors.
+pub(super) struct Columns<'a> {
+    pub(super) status: &'a Buffer<u32>,
+    pub(super) diagnostics: &'a Diagnostics,
+    /// First word of the first row.
+    pub(super) first: u32,
+    /// Words of a row.
+    pub(super) columns: u32,
+    pub(super) rows: u32,
+}
+
+impl<'a> Columns<'a> {
+    /// Of a kernel with `lookback.glsl`.
+    pub(super) fn of_tiles(status: &'a Buffer<u32>, diagnostics: &'a Diagnostics, tiles: u32) -> Self {
+        Self { status, diagnostics, first: constants::LOOKBACK_HEAD, columns: 1, rows: tiles }
+    }
+}
+
+/// A kernel over tiles that carries sums from each to the next.
+pub(super) enum TileKernel {
+    /// In one dispatch.
+    LookBack(Pipeline),
+    /// In three.
+    Dispatches { count: Pipeline, columns: Pipeline, given: Pipeline },
+}
+
+/// Invocations of a workgroup of `column_scan.comp`.
+const COLUMN_WORKGROUP: u32 = 256;
+
+impl TileKernel {
+    /// Makes the pipelines.
+    pub(super) fn new(
+        ctx: &Context,
+        shader: &'static ShaderInfo,
+        specialization: &[(&str, u32)],
+        carry: Carry,
+    ) -> Result<Self> {
+        let kernel = |step| Pipeline::new(ctx, shader, &[specialization, &[("CARRY", step)]].concat());
+        Ok(match carry {
+            Carry::LookBack => Self::LookBack(kernel(constants::CARRY_LOOK_BACK)?),
+            Carry::Dispatches => {
+                let columns = [("WORKGROUP", COLUMN_WORKGROUP), ("SUBGROUP_MIN", ctx.min_subgroup_size())];
+                Self::Dispatches {
+                    count: kernel(constants::CARRY_COUNT)?,
+                    columns: Pipeline::new(ctx, &shaders::COLUMN_SCAN, &columns)?,
+                    given: kernel(constants::CARRY_GIVEN)?,
+                }
+            }
+        })
+    }
+
+    /// Runs it, with a workgroup per tile. `sums`: where it puts the tiles' sums.
+    pub(super) fn run<P: Pod>(
+        &self,
+        rec: &mut Recorder,
+        binds: &[(&str, Bind<'_>)],
+        push: &P,
+        groups: Groups<'_>,
+        sums: &Columns<'_>,
+    ) {
+        match self {
+            Self::LookBack(pipeline) => groups.run(rec, pipeline, binds, push),
+            Self::Dispatches { count, columns, given } => {
+                groups.run(rec, count, binds, push);
+                // The tiles' sums.
+                rec.barrier(Access::ComputeWrite, Access::ComputeReadWrite);
+                let status = [("status", sums.status.bind()), ("diagnostics", sums.diagnostics.buffer().bind())];
+                let of_columns = ColumnScanPush { first: sums.first, rows: sums.rows };
+                rec.dispatch(columns, &status, &of_columns, [sums.columns, 1, 1]);
+                // What comes before each tile. What the count read is read again, and may be written.
+                rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
+                groups.run(rec, given, binds, push);
+            }
+        }
+    }
+}
+
+/// How many workgroups a kernel runs with.
+#[derive(Clone, Copy)]
+pub(super) enum Groups<'a> {
+    /// Along x, y, z.
+    Direct([u32; 3]),
+    /// By the arguments at this element.
+    Indirect(&'a Buffer<u32>, usize),
+}
+
+impl<'a> Groups<'a> {
+    /// One per tile of `tile_items` items; for a count on the GPU by the arguments that [`DispatchArgs::record`] wrote to
+    /// `args` at element `offset`.
+    pub(super) fn of_tiles(count: Count<'_>, tile_items: u32, (args, offset): (&'a Buffer<u32>, usize)) -> Self {
+        match count {
+            Count::Host(n) => Self::Direct(grid(n.div_ceil(tile_items))),
+            Count::Gpu { .. } => Self::Indirect(args, offset),
+        }
+    }
+
+    /// Runs a kernel with so many.
+    pub(super) fn run<P: Pod>(self, rec: &mut Recorder, pipeline: &Pipeline, binds: &[(&str, Bind<'_>)], push: &P) {
+        match self {
+            Self::Direct(groups) => rec.dispatch(pipeline, binds, push, groups),
+            Self::Indirect(args, offset) => rec.dispatch_indirect(pipeline, binds, push, args, offset),
+        }
     }
 }
 

@@ -9,12 +9,12 @@
 
 use super::classify::voxel_grid;
 use super::compact::{ChunkArgs, List, TILE, lookback_constants};
-use super::lookback::{self, Count, Diagnostics, DispatchArgs, Report};
+use super::lookback::{self, Carry, Columns, Count, Diagnostics, DispatchArgs, Groups, Report, TileKernel};
 use super::quantiser::Quantiser;
 use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch, Sorted};
 use super::scan::{Scan, ScanConfig, ScanScratch};
 use super::scene_data::SceneData;
-use super::tuning::Tuning;
+use super::tuning::{Tuning, carry_of};
 use super::{LIST_WORKGROUP, order_compute};
 use crate::Result;
 use crate::abi::{BucketLightPush, ChunkPush, CompressBucketsPush, CompressRunsPush, ProxyPlanPush};
@@ -34,6 +34,8 @@ pub struct ProxyConfig {
     pub zero_colors: bool,
     /// For tests: when not 0, every `withhold`-th tile of each look-back never publishes, as if it had been suspended.
     pub withhold: u32,
+    /// For tests: how sums get from tile to tile, instead of the device's way.
+    pub carry: Option<Carry>,
 }
 
 /// The proxy with all its memory.
@@ -45,8 +47,8 @@ pub struct Proxy {
     encode: Pipeline,
     quantiser: Quantiser,
     plan: Pipeline,
-    compress_runs: Pipeline,
-    compress_buckets: Pipeline,
+    compress_runs: TileKernel,
+    compress_buckets: TileKernel,
     bucket_light_pass: Pipeline,
     decompress: Pipeline,
     sort: RadixSort,
@@ -147,8 +149,9 @@ impl Proxy {
         let specialization = [&lookback_constants(ctx)[..], &[("WITHHOLD", withhold)]].concat();
         let list = [("WORKGROUP", LIST_WORKGROUP)];
         let tuning = Tuning::of(ctx);
-        let sort = RadixSort::new(ctx, RadixSortConfig { withhold, ..tuning.sort })?;
-        let scan = Scan::new(ctx, ScanConfig { withhold, ..tuning.scan })?;
+        let carry = config.carry.unwrap_or_else(|| carry_of(ctx.device_info().driver_id));
+        let sort = RadixSort::new(ctx, RadixSortConfig { withhold, carry, ..tuning.sort })?;
+        let scan = Scan::new(ctx, ScanConfig { withhold, carry, ..tuning.scan })?;
         let tiles = voxels.div_ceil(TILE);
         let runs = |name| ctx.device_buffer::<u32>(name, capacity as usize);
         let table = |name| ctx.device_buffer::<u32>(name, buckets as usize);
@@ -160,8 +163,8 @@ impl Proxy {
             encode: Pipeline::new(ctx, &shaders::ENCODE, &list)?,
             quantiser: Quantiser::new(ctx, config.mask)?,
             plan: Pipeline::new(ctx, &shaders::PROXY_PLAN, &[("ADAPTIVE", is_adaptive.into())])?,
-            compress_runs: Pipeline::new(ctx, &shaders::COMPRESS_RUNS, &specialization)?,
-            compress_buckets: Pipeline::new(ctx, &shaders::COMPRESS_BUCKETS, &specialization)?,
+            compress_runs: TileKernel::new(ctx, &shaders::COMPRESS_RUNS, &specialization, carry)?,
+            compress_buckets: TileKernel::new(ctx, &shaders::COMPRESS_BUCKETS, &specialization, carry)?,
             bucket_light_pass: Pipeline::new(ctx, &shaders::BUCKET_LIGHT, &list)?,
             decompress: Pipeline::new(ctx, &shaders::DECOMPRESS, &[])?,
             sort_scratch: sort.scratch(ctx, capacity)?,
@@ -334,7 +337,8 @@ impl Proxy {
                 ("quantiser", self.quantiser.table().bind()),
             ];
             let push = CompressRunsPush { count: voxels, capacity: self.capacity };
-            rec.dispatch_indirect(&self.compress_runs, &binds, &push, &self.plan_args, 0);
+            let sums = Columns::of_tiles(&self.status, &self.diagnostics, voxels.div_ceil(TILE));
+            self.compress_runs.run(rec, &binds, &push, Groups::Indirect(&self.plan_args, 0), &sums);
             plan(rec, false);
         }
     }
@@ -368,7 +372,8 @@ impl Proxy {
             ("quantiser", self.quantiser.table().bind()),
         ];
         let push = CompressBucketsPush { count: constants::COUNT_ON_DEVICE, voxels: scene.voxels() as u32 };
-        rec.dispatch_indirect(&self.compress_buckets, &binds, &push, &self.run_args, 0);
+        let sums = Columns::of_tiles(&self.status, &self.diagnostics, self.capacity.div_ceil(TILE));
+        self.compress_buckets.run(rec, &binds, &push, Groups::Indirect(&self.run_args, 0), &sums);
 
         let buckets = Count::Gpu { buffer: &self.control, offset: constants::PROXY_BUCKETS };
         self.scan.record(rec, &self.tables.size, &self.tables.base, buckets, &self.scan_scratch);

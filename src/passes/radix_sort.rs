@@ -1,7 +1,7 @@
 //! Stable OneSweep radix sort of u32 keys, with u32 payloads or without: `glsl/radix_histogram.comp`, `radix_scan.comp`,
-//! `radix_onesweep.comp`.
+//! `radix_onesweep.comp`. Without look-back a pass is three dispatches: count, `column_scan.comp`, place.
 
-use super::lookback::{self, Count, Diagnostics, DispatchArgs};
+use super::lookback::{self, Carry, Columns, Count, Diagnostics, DispatchArgs, Groups, TileKernel};
 use crate::abi::{RadixHistogramPush, RadixOnesweepPush, RadixScanPush};
 use crate::shaders::{self, constants};
 use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
@@ -32,7 +32,7 @@ impl KeyKind {
     }
 }
 
-/// Options of a [`RadixSort`]. The defaults are right except for tests.
+/// Options of a [`RadixSort`]; [`Tuning`](super::tuning::Tuning) has those that suit a device.
 #[derive(Clone, Copy, Debug)]
 pub struct RadixSortConfig {
     /// Invocations of a workgroup, a multiple of the subgroup size; `None`: 256, or 128 where subgroups are so narrow
@@ -48,6 +48,8 @@ pub struct RadixSortConfig {
     pub descending: bool,
     /// Whether the buffer of keys may end amid a vector of four.
     pub ends_amid: bool,
+    /// How counts get from tile to tile.
+    pub carry: Carry,
     /// Polls of a missing predecessor before its tile is counted in its place.
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
@@ -73,6 +75,7 @@ impl Default for RadixSortConfig {
             kind: KeyKind::U32,
             descending: false,
             ends_amid: false,
+            carry: Carry::LookBack,
             spin_limit: 64,
             withhold: 0,
             broadcast_up_to: 8,
@@ -88,7 +91,7 @@ impl Default for RadixSortConfig {
 pub struct RadixSort {
     histogram: Pipeline,
     scan: Pipeline,
-    onesweep: Pipeline,
+    onesweep: TileKernel,
     args: DispatchArgs,
     tile: u32,
     histogram_tile: u32,
@@ -199,7 +202,7 @@ impl RadixSort {
         Ok(Self {
             histogram: Pipeline::new(ctx, &shaders::RADIX_HISTOGRAM, &histogram)?,
             scan: Pipeline::new(ctx, &shaders::RADIX_SCAN, &scan)?,
-            onesweep: Pipeline::new(ctx, &shaders::RADIX_ONESWEEP, &onesweep)?,
+            onesweep: TileKernel::new(ctx, &shaders::RADIX_ONESWEEP, &onesweep, config.carry)?,
             args: DispatchArgs::new(ctx)?,
             tile: workgroup * config.keys,
             histogram_tile: config.histogram_workgroup * HISTOGRAM_KEYS,
@@ -386,8 +389,7 @@ impl RadixSort {
         let binds =
             [("keys", source.keys.bind()), ("args", memory.args.bind()), ("histogram", memory.histogram.bind())];
         let push = RadixHistogramPush { count: pushed, bit_begin, bit_end, digit_bits, passes };
-        let (pipeline, tile) = (&self.histogram, self.histogram_tile);
-        lookback::dispatch_tiles(rec, pipeline, &binds, &push, count, tile, (&memory.args, 0));
+        Groups::of_tiles(count, self.histogram_tile, (&memory.args, 0)).run(rec, &self.histogram, &binds, &push);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
 
         let status = || [("status", memory.status.bind()), ("diagnostics", diagnostics.buffer().bind())];
@@ -413,7 +415,15 @@ impl RadixSort {
                 reports,
             ];
             let push = RadixOnesweepPush { count: pushed, pass, passes, bit_begin, bit_end, digit_bits, rows };
-            lookback::dispatch_tiles(rec, &self.onesweep, &binds, &push, count, self.tile, (&memory.args, 4));
+            let sums = Columns {
+                status: &memory.status,
+                diagnostics,
+                first: constants::RADIX_HEAD + pass * rows * constants::RADIX_DIGITS,
+                columns: constants::RADIX_DIGITS,
+                rows,
+            };
+            let groups = Groups::of_tiles(count, self.tile, (&memory.args, 4));
+            self.onesweep.run(rec, &binds, &push, groups, &sums);
             source = target;
         }
     }

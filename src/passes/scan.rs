@@ -1,12 +1,12 @@
-//! Scan (prefix sum, modulo 2³²) of u32 items in one pass: `glsl/scan.comp`.
+//! Scan (prefix sum, modulo 2³²) of u32 items, in one pass or by reduce-then-scan: `glsl/scan.comp`.
 
-use super::lookback::{self, Count, Diagnostics, DispatchArgs};
+use super::lookback::{self, Carry, Columns, Count, Diagnostics, DispatchArgs, Groups, TileKernel};
 use crate::Result;
 use crate::abi::ScanPush;
 use crate::shaders::{self, constants};
-use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
+use crate::vk::{Access, Buffer, Context, Recorder};
 
-/// Options of a [`Scan`]. The defaults are right except for tests.
+/// Options of a [`Scan`]; [`Tuning`](super::tuning::Tuning) has those that suit a device.
 #[derive(Clone, Copy, Debug)]
 pub struct ScanConfig {
     /// Whether a sum includes its own item.
@@ -19,6 +19,8 @@ pub struct ScanConfig {
     pub workgroup: u32,
     /// Vectors of four items per invocation, 1 to 32.
     pub vectors: u32,
+    /// How sums get from tile to tile.
+    pub carry: Carry,
     /// Polls of a missing predecessor before its tile is computed in its place.
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
@@ -33,6 +35,7 @@ impl Default for ScanConfig {
             ends_amid: false,
             workgroup: 256,
             vectors: 4,
+            carry: Carry::LookBack,
             spin_limit: 64,
             withhold: 0,
         }
@@ -41,7 +44,7 @@ impl Default for ScanConfig {
 
 /// The pass.
 pub struct Scan {
-    pipeline: Pipeline,
+    kernel: TileKernel,
     args: DispatchArgs,
     tile: u32,
     total: bool,
@@ -85,7 +88,7 @@ impl Scan {
             ("ENDS_AMID", config.ends_amid.into()),
         ];
         Ok(Self {
-            pipeline: Pipeline::new(ctx, &shaders::SCAN, &specialization)?,
+            kernel: TileKernel::new(ctx, &shaders::SCAN, &specialization, config.carry)?,
             args: DispatchArgs::new(ctx)?,
             tile: config.workgroup * config.vectors * 4,
             total: config.total,
@@ -186,6 +189,7 @@ impl Scan {
         ];
         let push = ScanPush { count: count.pushed(), total_at };
         let dispatched = if self.total { count.at_least_one() } else { count };
-        lookback::dispatch_tiles(rec, &self.pipeline, &binds, &push, dispatched, self.tile, (&memory.args, 0));
+        let groups = Groups::of_tiles(dispatched, self.tile, (&memory.args, 0));
+        self.kernel.run(rec, &binds, &push, groups, &Columns::of_tiles(&memory.status, diagnostics, tiles));
     }
 }

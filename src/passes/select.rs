@@ -1,15 +1,15 @@
 //! The items whose flag is set, in their order (stream compaction): `glsl/select.comp`.
 
 use super::compact::{TILE, lookback_constants};
-use super::lookback::{self, Count, Diagnostics, DispatchArgs};
+use super::lookback::{self, Carry, Columns, Count, Diagnostics, DispatchArgs, Groups, TileKernel};
 use crate::Result;
 use crate::abi::SelectPush;
 use crate::shaders::{self, constants};
-use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
+use crate::vk::{Access, Buffer, Context, Recorder};
 
 /// The pass.
 pub(crate) struct Select {
-    pipeline: Pipeline,
+    kernel: TileKernel,
     args: DispatchArgs,
     of_indices: bool,
 }
@@ -25,10 +25,10 @@ pub(crate) struct SelectMemory {
 
 impl Select {
     /// Makes the pipelines. `of_indices`: what is selected are not items of a buffer but their indices.
-    pub(crate) fn new(ctx: &Context, of_indices: bool) -> Result<Self> {
+    pub(crate) fn new(ctx: &Context, of_indices: bool, carry: Carry) -> Result<Self> {
         let specialization = [&lookback_constants(ctx)[..], &[("INDICES", of_indices.into())]].concat();
         Ok(Self {
-            pipeline: Pipeline::new(ctx, &shaders::SELECT, &specialization)?,
+            kernel: TileKernel::new(ctx, &shaders::SELECT, &specialization, carry)?,
             args: DispatchArgs::new(ctx)?,
             of_indices,
         })
@@ -92,7 +92,7 @@ impl Select {
             ("diagnostics", diagnostics.buffer().bind()),
         ];
         let push = SelectPush { count: count.pushed(), total_at: total.1 };
-        let dispatched = count.at_least_one();
-        lookback::dispatch_tiles(rec, &self.pipeline, &binds, &push, dispatched, TILE, (&memory.args, 0));
+        let groups = Groups::of_tiles(count.at_least_one(), TILE, (&memory.args, 0));
+        self.kernel.run(rec, &binds, &push, groups, &Columns::of_tiles(&memory.status, diagnostics, tiles));
     }
 }

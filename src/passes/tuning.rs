@@ -1,11 +1,37 @@
-//! Shapes of the primitives by kind of device: data, measured with `tyndall bench scan|sort` (docs/primitives.md).
+//! Shapes of the primitives by kind of device: data, measured with `tyndall bench scan|sort` (docs/primitives.md). And on which
+//! drivers they look back.
 
+use super::lookback::Carry;
 use super::radix_sort::RadixSortConfig;
 use super::scan::ScanConfig;
-use crate::vk::Context;
+use crate::vk::{Context, DriverId};
 
 /// PCI vendor of NVIDIA.
 const NVIDIA: u32 = 0x10DE;
+
+/// Drivers that are known to go on running the workgroups that they have started: what look-back by ticket needs in order not
+/// to wait for long. Vulkan promises no such thing, and no query tells.
+///
+/// Sorensen and others tested GPUs for it; the table of Smith, Levien and Owens ("Decoupled Fallback", 2025) has NVIDIA's, AMD's
+/// and Intel's as those that do, Apple's M1 and M3 and Arm's Mali-G78 as those that do not. Other drivers of the same GPUs, such
+/// as Mesa's for NVIDIA, were tested by nobody that we know of, and are left out.
+const LOOK_BACK_DRIVERS: [DriverId; 7] = [
+    // The table; and run on an H100 and an H200 (docs/primitives.md).
+    DriverId::NVIDIA_PROPRIETARY,
+    // The table. Not run here.
+    DriverId::AMD_PROPRIETARY,
+    DriverId::AMD_OPEN_SOURCE,
+    DriverId::MESA_RADV,
+    DriverId::INTEL_PROPRIETARY_WINDOWS,
+    DriverId::INTEL_OPEN_SOURCE_MESA,
+    // lavapipe: its workgroups run to their end on threads of the operating system, and all tests run on it.
+    DriverId::MESA_LLVMPIPE,
+];
+
+/// How sums get from tile to tile on a driver: by look-back where it is known to do well, else between dispatches.
+pub fn carry_of(driver: DriverId) -> Carry {
+    if LOOK_BACK_DRIVERS.contains(&driver) { Carry::LookBack } else { Carry::Dispatches }
+}
 
 /// The shapes for a kind of device.
 #[derive(Clone, Copy, Debug)]
@@ -45,10 +71,27 @@ impl Tuning {
     /// The shapes for this device.
     pub fn of(ctx: &Context) -> Self {
         // Other subgroup sizes than that measured get what fits every size.
-        if ctx.vendor_id() == NVIDIA && ctx.min_subgroup_size() == 32 && ctx.max_subgroup_size() == 32 {
-            Self::nvidia()
-        } else {
-            Self::portable()
+        let is_nvidia = ctx.vendor_id() == NVIDIA && ctx.min_subgroup_size() == 32 && ctx.max_subgroup_size() == 32;
+        let Self { scan, sort } = if is_nvidia { Self::nvidia() } else { Self::portable() };
+        let carry = carry_of(ctx.device_info().driver_id);
+        Self { scan: ScanConfig { carry, ..scan }, sort: RadixSortConfig { carry, ..sort } }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drivers_that_nobody_vouches_for_do_not_look_back() {
+        assert_eq!(carry_of(DriverId::NVIDIA_PROPRIETARY), Carry::LookBack);
+        assert_eq!(carry_of(DriverId::MESA_LLVMPIPE), Carry::LookBack);
+        for driver in [DriverId::MOLTENVK, DriverId::ARM_PROPRIETARY, DriverId::QUALCOMM_PROPRIETARY] {
+            assert_eq!(carry_of(driver), Carry::Dispatches);
+        }
+        // Of a device that does not say, and of a driver of tomorrow.
+        for driver in [0, 9999] {
+            assert_eq!(carry_of(DriverId::from_raw(driver)), Carry::Dispatches);
         }
     }
 }

@@ -54,6 +54,12 @@
 //! those are made from it in scratch memory. Items beyond the count are neither read nor written. There may be
 //! [`MAX_ITEMS`] = 2³⁰ − 1 items, and as many as fit the device's `maxStorageBufferRange`.
 //!
+//! # Forward progress
+//!
+//! Tiles look back at what earlier ones have published where the driver is known to go on running workgroups that have started,
+//! and leave it to barriers between dispatches where it is not ([`carry_of`], [`Carry`]). Results are the same bits. The
+//! constructors `with_carry` choose either way.
+//!
 //! # When it goes wrong
 //!
 //! Kernels that could not do their work write to no wrong place and say so: [`Recorded::check`] is an error then, for all
@@ -63,8 +69,9 @@ mod scan;
 mod select;
 mod sort;
 
-pub use crate::passes::lookback::{Count, MAX_ITEMS, Report};
-pub use crate::vk::{BorrowedDevice, Buffer, Context, Recorder, enable_features};
+pub use crate::passes::lookback::{Carry, Count, MAX_ITEMS, Report};
+pub use crate::passes::tuning::carry_of;
+pub use crate::vk::{BorrowedDevice, Buffer, Context, DriverId, Recorder, enable_features};
 pub use scan::{Scan, ScanKind, ScanScratch};
 pub use select::{Select, SelectScratch, Selected};
 pub use sort::{FromTo, Key, Order, Payloads, Sort, SortScratch};

@@ -1,6 +1,6 @@
 //! The scan.
 
-use super::{Buffer, Context, Count, Recording, Word, bound, check_apart, check_word, most_items};
+use super::{Buffer, Carry, Context, Count, Recording, Word, bound, carry_of, check_apart, check_word, most_items};
 use crate::passes::scan::{self as pass, ScanConfig, ScanMemory};
 use crate::passes::tuning::Tuning;
 use crate::{Error, Result};
@@ -14,7 +14,7 @@ pub enum ScanKind {
     Inclusive,
 }
 
-/// Prefix sums of u32 items modulo 2³², in one pass: its pipelines.
+/// Prefix sums of u32 items modulo 2³²: its pipelines.
 pub struct Scan {
     pass: pass::Scan,
     has_total: bool,
@@ -33,10 +33,16 @@ const WHAT: &str = "scan";
 impl Scan {
     /// Makes the pipelines, in the shape that suits the device. `has_total`: the sum of all items is written too.
     pub fn new(ctx: &Context, kind: ScanKind, has_total: bool) -> Result<Self> {
+        Self::with_carry(ctx, kind, has_total, carry_of(ctx.device_info().driver_id))
+    }
+
+    /// The same, with sums carried in this way instead of the one for the driver.
+    pub fn with_carry(ctx: &Context, kind: ScanKind, has_total: bool, carry: Carry) -> Result<Self> {
         let config = ScanConfig {
             inclusive: kind == ScanKind::Inclusive,
             total: has_total,
             ends_amid: true,
+            carry,
             ..Tuning::of(ctx).scan
         };
         Ok(Self { pass: pass::Scan::new(ctx, config)?, has_total })

@@ -1,6 +1,6 @@
 //! Selection by flags (stream compaction).
 
-use super::{Buffer, Context, Count, Recording, Word, bound, check_apart, check_word, most_items};
+use super::{Buffer, Carry, Context, Count, Recording, Word, bound, carry_of, check_apart, check_word, most_items};
 use crate::passes::select::{self as pass, SelectMemory};
 use crate::{Error, Result};
 
@@ -32,7 +32,12 @@ const WHAT: &str = "select";
 impl Select {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, selected: Selected) -> Result<Self> {
-        Ok(Self { pass: pass::Select::new(ctx, selected == Selected::Indices)?, selected })
+        Self::with_carry(ctx, selected, carry_of(ctx.device_info().driver_id))
+    }
+
+    /// The same, with sums carried in this way instead of the one for the driver.
+    pub fn with_carry(ctx: &Context, selected: Selected, carry: Carry) -> Result<Self> {
+        Ok(Self { pass: pass::Select::new(ctx, selected == Selected::Indices, carry)?, selected })
     }
 
     /// Bytes that [`Select::scratch_in`] takes for selections from up to `capacity` items: 8 for every tile, and some.

@@ -1,6 +1,6 @@
 //! The radix sort.
 
-use super::{Buffer, Context, Count, Recording, bound, check_apart, most_items};
+use super::{Buffer, Carry, Context, Count, Recording, bound, carry_of, check_apart, most_items};
 use crate::passes::radix_sort::{KeyKind, RadixSort, RadixSortConfig, SortMemory};
 use crate::passes::tuning::Tuning;
 use crate::{Error, Result};
@@ -101,11 +101,17 @@ impl<K: Key> Sort<K> {
     ///
     /// Errors: the device shares too little memory in a workgroup, or a Vulkan call fails.
     pub fn new(ctx: &Context, order: Order, payloads: Payloads) -> Result<Self> {
+        Self::with_carry(ctx, order, payloads, carry_of(ctx.device_info().driver_id))
+    }
+
+    /// The same, with counts carried in this way instead of the one for the driver.
+    pub fn with_carry(ctx: &Context, order: Order, payloads: Payloads, carry: Carry) -> Result<Self> {
         let config = RadixSortConfig {
             payloads: payloads == Payloads::U32,
             kind: K::KIND,
             descending: order == Order::Descending,
             ends_amid: true,
+            carry,
             ..Tuning::of(ctx).sort
         };
         Ok(Self { pass: RadixSort::new(ctx, config)?, payloads, key: PhantomData })

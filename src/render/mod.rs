@@ -256,6 +256,7 @@ impl<'a> Renderer<'a> {
                         capacity: internals.proxy_capacity,
                         zero_colors: internals.zero_bucket_colors,
                         withhold: 0,
+                        carry: None,
                     };
                     Some((Proxy::new(ctx, &data, config)?, Mips::means_of_voxels(ctx, dims)?))
                 } else {

@@ -40,6 +40,8 @@ pub struct DeviceInfo {
     pub name: String,
     /// Driver name and version.
     pub driver: String,
+    /// Which driver it is; 0 where the device does not say.
+    pub driver_id: vk::DriverId,
     /// "discrete GPU", "integrated GPU", "virtual GPU", "CPU" or "other".
     pub kind: &'static str,
     /// Vulkan version of the device.
@@ -494,6 +496,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> 
     let info = DeviceInfo {
         name: text(&p.device_name),
         driver: format!("{} {}", text(&v12.driver_name), text(&v12.driver_info)).trim().to_owned(),
+        driver_id: v12.driver_id,
         kind: match p.device_type {
             vk::PhysicalDeviceType::DISCRETE_GPU => "discrete GPU",
             vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated GPU",
@@ -1041,6 +1044,7 @@ mod tests {
         DeviceInfo {
             name: name.into(),
             driver: String::new(),
+            driver_id: vk::DriverId::default(),
             kind: "CPU",
             api_version: String::new(),
             subgroup_size: 8,

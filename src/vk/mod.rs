@@ -23,6 +23,7 @@ mod statistics;
 mod validation;
 
 pub use access::Access;
+pub use ash::vk::DriverId;
 pub use buffer::{Bind, Buffer, Filter, HostWords};
 pub use context::{BorrowedDevice, Context, ContextConfig, DeviceInfo, PipelineStats, enable_features, list_devices};
 pub use image::{Image, ImageFormat};
