@@ -33,7 +33,7 @@ void main() {
     uint first = min(group, count / (WORKGROUP * VOXELS) + 1u) * (WORKGROUP * VOXELS) + gl_LocalInvocationIndex;
     for (uint k = 0u; k < VOXELS; k++) {
         uint voxel = first + k * WORKGROUP;
-        uint here = voxel < count ? texelFetch(color, ivec3(voxel_from_linear(voxel)), 0).r : 0u;
+        uint here = voxel < count ? texelFetch(color, voxel_from_linear(voxel), 0).r : 0u;
         if (here != 0u) {
             uvec4 code = uvec4(here, here >> 8u, here >> 16u, here >> 24u) & 0xFFu;
             uint opacity = code.a * code.a;

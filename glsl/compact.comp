@@ -33,9 +33,7 @@ uint tile_item(uint index) {
     uint listed = LISTED;
     bool is_block = listed == LISTED_VOXELS || listed == LISTED_NODES;
     uvec3 counts = (scene.dims + edge - 1u) / edge + (is_block ? 0u : 1u);
-    uint row = (first + index) / counts.x;
-    ivec3 at = ivec3(first + index - row * counts.x, row % counts.y, row / counts.y);
-    uint bits = texelFetch(marks, at, 0).r;
+    uint bits = texelFetch(marks, from_linear(first + index, counts), 0).r;
     if (listed < LISTED_SEEN) {
         return bits >> listed & 1u;
     }

@@ -30,7 +30,7 @@ layout(push_constant, scalar) uniform CompressRunsPush {
 uvec4 levels;
 
 uint color_at(uint voxel) {
-    return texelFetch(color, ivec3(voxel_from_linear(voxel)), 0).r;
+    return texelFetch(color, voxel_from_linear(voxel), 0).r;
 }
 
 // 1 where a run begins.
@@ -72,7 +72,7 @@ void main() {
         uint voxel = item_index(tile, row);
         if (voxel < count) {
             uint run = scan.before + before[row] + is_head[row] - 1u;
-            imageStore(bucket_id, ivec3(voxel_from_linear(voxel)), uvec4(run));
+            imageStore(bucket_id, voxel_from_linear(voxel), uvec4(run));
             if (is_head[row] != 0u && run < capacity) {
                 run_hash[run] = hash_color(color_at(voxel), levels);
                 run_base[run] = voxel;

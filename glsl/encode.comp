@@ -22,7 +22,7 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    ivec3 voxel = ivec3(voxel_from_linear(list_items[chunk_begin + item]));
+    ivec3 voxel = voxel_from_linear(list_items[chunk_begin + item]);
     uint code = encode_color(texelFetch(field, voxel, 0), uintBitsToFloat(source_max[0]));
     imageStore(color, voxel, uvec4(code));
 }

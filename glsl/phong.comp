@@ -42,7 +42,7 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    ivec3 voxel = ivec3(voxel_from_linear(list_items[chunk_begin + item]));
+    ivec3 voxel = voxel_from_linear(list_items[chunk_begin + item]);
     float here = texelFetch(scalar, voxel, 0).r;
     Material m = classify(here);
     vec3 world = world_from_index(vec3(voxel) + 0.5);

@@ -45,9 +45,7 @@ void main() {
     if (item >= items_in_chunk(chunk_begin, chunk_items)) {
         return;
     }
-    uint index = list_items[chunk_begin + item];
-    uint line = index / scene.light_dims.x;
-    ivec3 node = ivec3(index - line * scene.light_dims.x, line % scene.light_dims.y, line / scene.light_dims.y);
+    ivec3 node = from_linear(list_items[chunk_begin + item], scene.light_dims);
     // Row i of M times u, and times 1.
     vec3 product = vec3(0.0);
     float row = 0.0;

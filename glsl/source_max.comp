@@ -21,7 +21,7 @@ void main() {
     uint item = gl_GlobalInvocationID.x;
     float most = 0.0;
     if (item < items_in_chunk(chunk_begin, chunk_items)) {
-        vec4 f = texelFetch(field, ivec3(voxel_from_linear(list_items[chunk_begin + item])), 0);
+        vec4 f = texelFetch(field, voxel_from_linear(list_items[chunk_begin + item]), 0);
         most = f.a > 0.0 ? max(0.0, max(f.r, max(f.g, f.b))) : 0.0;
     }
     most = subgroupMax(most);

@@ -22,9 +22,7 @@ struct Cell {
 };
 
 ivec3 cell_from_linear(uint i) {
-    uvec3 counts = scene.light_dims + 1u;
-    uint row = i / counts.x;
-    return ivec3(i - row * counts.x, row % counts.y, row / counts.y);
+    return from_linear(i, scene.light_dims + 1u);
 }
 
 Cell make_cell(ivec3 index) {

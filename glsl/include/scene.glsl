@@ -87,8 +87,13 @@ vec3 eye_direction(vec2 place) {
     return normalize(scene.forward + film.x * scene.right - film.y * scene.up);
 }
 
-uvec3 voxel_from_linear(uint i) {
-    uint row = i / scene.dims.x;
-    return uvec3(i - row * scene.dims.x, row % scene.dims.y, row / scene.dims.y);
+// Place of a linear index in a grid of `counts`, x fastest.
+ivec3 from_linear(uint i, uvec3 counts) {
+    uint row = i / counts.x;
+    return ivec3(i - row * counts.x, row % counts.y, row / counts.y);
+}
+
+ivec3 voxel_from_linear(uint i) {
+    return from_linear(i, scene.dims);
 }
 #endif
