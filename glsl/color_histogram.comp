@@ -8,8 +8,8 @@
 
 layout(local_size_x = 256, local_size_x_id = 0) in;
 layout(constant_id = 0) const uint WORKGROUP = 256u;
-// Of an invocation. A workgroup of 256 sums up to 256 * 64 * CODE_SQUARE < 2^32.
-const uint VOXELS = 64u;
+// Of an invocation. A workgroup sums up to WORKGROUP * VOXELS * CODE_SQUARE < 2^32.
+layout(constant_id = 1) const uint VOXELS = 64u;
 
 layout(set = 0, binding = 1) uniform usampler3D color;
 // [row][code], sums of 64 bits in two words. Zero before the dispatch.

@@ -8,7 +8,7 @@
 // Grid: one workgroup per channel (indirect). No subgroup operations.
 #include "include/constants.glsl"
 
-layout(local_size_x = 64) in; // ADAPTIVE_CAPS, one each; channels of a fixed mask take CODES / 64 codes each
+layout(local_size_x = ADAPTIVE_CAPS) in; // a limit each, and codes in turns
 layout(constant_id = 0) const bool ADAPTIVE = false;
 
 layout(set = 0, binding = 0, scalar) buffer ProxyControl { uint proxy_control[]; };
@@ -33,7 +33,7 @@ void write(uint code, uint level, float value) {
 
 void write_masked() {
     uint kept = proxy_control[PROXY_MASK] >> 8u * channel & 0xFFu;
-    for (uint code = gl_LocalInvocationIndex; code < CODES; code += 64u) {
+    for (uint code = gl_LocalInvocationIndex; code < CODES; code += ADAPTIVE_CAPS) {
         // The kept bits, packed together.
         uint level = 0u;
         uint place = 0u;

@@ -139,12 +139,9 @@ impl Proxy {
         let capacity = config.capacity.unwrap_or(u32::MAX).min(voxels).min(most).max(1);
         // A hash of b bits has at most 2^b values.
         let buckets = match config.mask {
-            Mask::Channels(_) if config.mask.word().count_ones() < 31 => {
-                capacity.min(1 << config.mask.word().count_ones())
-            }
-            _ => capacity,
+            Mask::Channels(_) => 1_u32.checked_shl(config.mask.word().count_ones()).map_or(capacity, |n| capacity.min(n)),
+            Mask::Adaptive(_) => capacity,
         };
-        let is_adaptive = matches!(config.mask, Mask::Adaptive(_));
         let withhold = config.withhold;
         let specialization = [&lookback_constants(ctx)[..], &[("WITHHOLD", withhold)]].concat();
         let list = [("WORKGROUP", LIST_WORKGROUP)];
@@ -162,7 +159,7 @@ impl Proxy {
             source_max_pass: Pipeline::new(ctx, &shaders::SOURCE_MAX, &list)?,
             encode: Pipeline::new(ctx, &shaders::ENCODE, &list)?,
             quantiser: Quantiser::new(ctx, config.mask)?,
-            plan: Pipeline::new(ctx, &shaders::PROXY_PLAN, &[("ADAPTIVE", is_adaptive.into())])?,
+            plan: Pipeline::new(ctx, &shaders::PROXY_PLAN, &[("ADAPTIVE", config.mask.is_adaptive().into())])?,
             compress_runs: TileKernel::new(ctx, &shaders::COMPRESS_RUNS, &specialization, carry)?,
             compress_buckets: TileKernel::new(ctx, &shaders::COMPRESS_BUCKETS, &specialization, carry)?,
             bucket_light_pass: Pipeline::new(ctx, &shaders::BUCKET_LIGHT, &list)?,

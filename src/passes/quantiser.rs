@@ -9,8 +9,14 @@ use crate::scene::Mask;
 use crate::shaders::{self, constants};
 use crate::vk::{Access, Buffer, Context, Filter, Image, Pipeline, Recorder};
 
-/// Voxels of a workgroup of `color_histogram.comp`.
-const HISTOGRAM_TILE: u32 = 256 * 64;
+/// Invocations of a workgroup of `color_histogram.comp`, and voxels of an invocation.
+const HISTOGRAM_SHAPE: [u32; 2] = [256, 64];
+
+/// Voxels of a workgroup.
+const HISTOGRAM_TILE: u32 = HISTOGRAM_SHAPE[0] * HISTOGRAM_SHAPE[1];
+
+// A workgroup's sums have 32 bits.
+const _: () = assert!(HISTOGRAM_TILE <= u32::MAX / constants::CODE_SQUARE);
 
 /// The pass and its tables.
 pub struct Quantiser {
@@ -24,10 +30,14 @@ pub struct Quantiser {
 impl Quantiser {
     /// Pipelines and memory for masks of the kind of `mask`.
     pub fn new(ctx: &Context, mask: Mask) -> Result<Self> {
-        let is_adaptive = matches!(mask, Mask::Adaptive(_));
+        let is_adaptive = mask.is_adaptive();
+        let histogram = || {
+            let specialization = [("WORKGROUP", HISTOGRAM_SHAPE[0]), ("VOXELS", HISTOGRAM_SHAPE[1])];
+            Pipeline::new(ctx, &shaders::COLOR_HISTOGRAM, &specialization)
+        };
         let rows = if is_adaptive { constants::HISTOGRAM_ROWS } else { 0 };
         Ok(Self {
-            histogram_pass: if is_adaptive { Some(Pipeline::new(ctx, &shaders::COLOR_HISTOGRAM, &[])?) } else { None },
+            histogram_pass: is_adaptive.then(histogram).transpose()?,
             pipeline: Pipeline::new(ctx, &shaders::QUANTISER, &[("ADAPTIVE", is_adaptive.into())])?,
             histogram: ctx.device_buffer("quantiser.histogram", (2 * rows * constants::CODES) as usize)?,
             table: ctx.device_buffer("quantiser.table", constants::QUANTISER_WORDS as usize)?,

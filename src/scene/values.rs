@@ -210,6 +210,11 @@ impl Mask {
         }
     }
 
+    /// Whether the histogram of the colours chooses the levels.
+    pub fn is_adaptive(self) -> bool {
+        matches!(self, Mask::Adaptive(_))
+    }
+
     /// The mask of the same kind that a kernel's word stands for.
     pub fn with_word(self, word: u32) -> Self {
         match self {
