@@ -133,18 +133,19 @@ type Watch<'w> = &'w mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 fn scene_of(case: &Case, config: &Config, orders: u32) -> Result<Scene> {
     let overrides = Overrides { size: Some(config.size), ..Overrides::default() };
-    if let Some(folder) = &config.real {
-        let overrides = Overrides { volume: Some(folder.join(case.real.file)), ..overrides };
-        let mut scene = load_scene_text(case.real.scene, Path::new(case.name), &overrides)?;
-        scene.settings.orders = orders;
-        return Ok(scene);
-    }
-    let longest = case.dims.iter().copied().max().unwrap_or(1);
-    let edge = if config.edge == 0 { longest } else { config.edge };
-    let dims = case.dims.map(|d| (u64::from(d) * u64::from(edge)).div_ceil(u64::from(longest)).max(2) as u32);
-    let volume = format!("phantom:{}:{}", case.name, stats::times(&dims));
-    let overrides = Overrides { volume: Some(volume.into()), ..overrides };
-    let mut scene = load_scene(None, &overrides)?;
+    let mut scene = match &config.real {
+        Some(folder) => {
+            let overrides = Overrides { volume: Some(folder.join(case.real.file)), ..overrides };
+            load_scene_text(case.real.scene, Path::new(case.name), &overrides)?
+        }
+        None => {
+            let longest = case.dims.iter().copied().max().unwrap_or(1);
+            let edge = if config.edge == 0 { longest } else { config.edge };
+            let dims = case.dims.map(|d| (u64::from(d) * u64::from(edge)).div_ceil(u64::from(longest)).max(2) as u32);
+            let volume = format!("phantom:{}:{}", case.name, stats::times(&dims));
+            load_scene(None, &Overrides { volume: Some(volume.into()), ..overrides })?
+        }
+    };
     scene.settings.orders = orders;
     Ok(scene)
 }
