@@ -218,7 +218,7 @@ impl List {
             chunk_items,
             kernel: TileKernel::new(ctx, &shaders::COMPACT, &specialization, carry)?,
             args: Pipeline::new(ctx, &shaders::CHUNK_ARGS, &[("WORKGROUP", LIST_WORKGROUP)])?,
-            status: ctx.device_buffer("compact.status", lookback::status_words(longest.div_ceil(WORKGROUP * ROWS)))?,
+            status: ctx.device_buffer("compact.status", lookback::status_words(longest.div_ceil(TILE)))?,
             diagnostics: Diagnostics::new(ctx)?,
         })
     }
@@ -230,7 +230,7 @@ impl List {
             rec.fill(&self.status, 0);
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
             order_compute(rec);
-            let tiles = segment.count.div_ceil(WORKGROUP * ROWS);
+            let tiles = segment.count.div_ceil(TILE);
             self.kernel.run(
                 rec,
                 &[
