@@ -69,8 +69,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
     let dims = setup.host.params.dims;
     let source = random_source(ctx, &setup);
 
-    let proxy_config =
-        ProxyConfig { mask: Mask::Channels([0xF0; 4]), capacity: None, zero_colors: false, withhold: 0, carry: None };
+    let proxy_config = ProxyConfig::of(Mask::Channels([0xF0; 4]));
     let proxy = config.sampling.uses_proxy().then(|| Proxy::new(ctx, &setup.data, proxy_config).unwrap());
     let pass = Gather::new(ctx, &setup.data, config, CHUNK, what).unwrap();
     let projection = Projection::new(ctx, &setup.data, CHUNK, 1, true, LightFor::View).unwrap();

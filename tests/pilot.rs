@@ -30,8 +30,7 @@ fn pilot(ctx: &Context, scene: &Scene, steps: [f32; 2]) -> Ran {
     let setup = Setup::new(ctx, scene);
     let dims = setup.host.params.dims;
     let source = random_source(ctx, &setup);
-    let config =
-        ProxyConfig { mask: Mask::Channels([0xF0; 4]), capacity: None, zero_colors: false, withhold: 0, carry: None };
+    let config = ProxyConfig::of(Mask::Channels([0xF0; 4]));
     let proxy = Proxy::new(ctx, &setup.data, config).unwrap();
     let pass = Pilot::new(ctx, &setup.data, DIRECTIONS, steps).unwrap();
     let (list, cells) = setup.list(ctx, Listed::Cells);

@@ -37,7 +37,7 @@ fn cases<T>(all: &[T]) -> &[T] {
 /// Texel of a field: source and extinction, in the units of `SceneParams`.
 type Texel = [f32; 4];
 
-const PLAIN: ProxyConfig = ProxyConfig { mask: LOSSLESS, capacity: None, zero_colors: false, withhold: 0, carry: None };
+const PLAIN: ProxyConfig = ProxyConfig::of(LOSSLESS);
 
 /// A scene whose only parts that matter here are its size and its largest extinction.
 fn scene_of_size(dims: [u32; 3]) -> Scene {

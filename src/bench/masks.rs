@@ -98,8 +98,7 @@ pub fn run(ctx: &Context, scene: Scene, config: &Config, progress: &mut dyn FnMu
 
     let mut proxies = Vec::new();
     for &mask in &config.masks {
-        let proxy =
-            Proxy::new(ctx, data, ProxyConfig { mask, capacity: None, zero_colors: false, withhold: 0, carry: None })?;
+        let proxy = Proxy::new(ctx, data, ProxyConfig::of(mask))?;
         let mut rec = Recorder::new(ctx)?;
         proxy.record_clear(&mut rec);
         rec.submit_and_wait()?;

@@ -195,8 +195,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     let mut proxies = Vec::new();
     for (of, bits) in [(&lit.source, 4u32), (&mips.means[0], 4), (&mips.means[0], 8)] {
         let mask = Mask::Channels([(0xFFu32 << (8 - bits)) as u8; 4]);
-        let proxy =
-            Proxy::new(ctx, data, ProxyConfig { mask, capacity: None, zero_colors: false, withhold: 0, carry: None })?;
+        let proxy = Proxy::new(ctx, data, ProxyConfig::of(mask))?;
         let mut rec = Recorder::new(ctx)?;
         let args = lit.node_args(ctx, &mut rec)?;
         proxy.record_clear(&mut rec);

@@ -38,6 +38,13 @@ pub struct ProxyConfig {
     pub carry: Option<Carry>,
 }
 
+impl ProxyConfig {
+    /// What users get.
+    pub const fn of(mask: Mask) -> Self {
+        Self { mask, capacity: None, zero_colors: false, withhold: 0, carry: None }
+    }
+}
+
 /// The proxy with all its memory.
 pub struct Proxy {
     config: ProxyConfig,
@@ -139,7 +146,9 @@ impl Proxy {
         let capacity = config.capacity.unwrap_or(u32::MAX).min(voxels).min(most).max(1);
         // A hash of b bits has at most 2^b values.
         let buckets = match config.mask {
-            Mask::Channels(_) => 1_u32.checked_shl(config.mask.word().count_ones()).map_or(capacity, |n| capacity.min(n)),
+            Mask::Channels(_) => {
+                1_u32.checked_shl(config.mask.word().count_ones()).map_or(capacity, |n| capacity.min(n))
+            }
             Mask::Adaptive(_) => capacity,
         };
         let withhold = config.withhold;

@@ -252,11 +252,9 @@ impl<'a> Renderer<'a> {
                 },
                 proxy: if with_proxy {
                     let config = ProxyConfig {
-                        mask: s.mask,
                         capacity: internals.proxy_capacity,
                         zero_colors: internals.zero_bucket_colors,
-                        withhold: 0,
-                        carry: None,
+                        ..ProxyConfig::of(s.mask)
                     };
                     Some((Proxy::new(ctx, &data, config)?, Mips::means_of_voxels(ctx, dims)?))
                 } else {
