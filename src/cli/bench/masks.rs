@@ -1,37 +1,18 @@
 //! `tyndall bench masks`.
 
-use super::super::render::{progress_bar, show};
-use super::super::{DeviceArgs, SceneArgs, in_string};
-use super::phantoms;
+use super::super::in_string;
+use super::{Tables, TablesArgs};
 use crate::Result;
 use crate::bench::masks::{self, Config, Row, Table};
-use crate::output;
-use crate::render::Progress;
 use crate::scene::Mask;
-use crate::stats::{DeviceStats, csv_of, times, to_json};
-use crate::vk::{Context, no_messages};
-use serde::Serialize;
+use crate::stats::times;
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 /// Compare masks of the proxy, fixed and adaptive: buckets, time of the build, and errors, on light scattered once.
 #[derive(clap::Args, Debug)]
 pub struct MasksArgs {
     #[command(flatten)]
-    scene: SceneArgs,
-
-    /// The phantoms skull, head, heart, tree and cloud, of VOXELS along each axis.
-    #[arg(
-        long,
-        value_name = "VOXELS",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = "64",
-        conflicts_with_all = ["scene", "volume"],
-        value_parser = clap::value_parser!(u32).range(8..=512),
-        help_heading = "Bench"
-    )]
-    all: Option<u32>,
+    tables: TablesArgs,
 
     /// Masks, separated by commas: numbers of bits, binary digits, adaptive:TOLERANCE. Times are relative to the first.
     #[arg(
@@ -62,57 +43,16 @@ pub struct MasksArgs {
         help_heading = "Bench"
     )]
     runs: u32,
-
-    /// Print JSON.
-    #[arg(long, help_heading = "Output")]
-    json: bool,
-
-    /// Write the table as CSV, too.
-    #[arg(long, value_name = "FILE", help_heading = "Output")]
-    csv: Option<PathBuf>,
-
-    #[command(flatten)]
-    device: DeviceArgs,
 }
 
 /// Runs `tyndall bench masks`.
 pub fn run(args: &MasksArgs) -> Result<String> {
-    if let Some(path) = &args.csv {
-        output::check_writable(path)?;
-    }
-    let scenes = match args.all {
-        Some(edge) => phantoms(&args.scene, edge)?,
-        None => vec![args.scene.load()?],
-    };
-    let ctx = Context::new(&args.device.config())?;
-    let device = DeviceStats::of(&ctx);
     let config = Config { masks: args.masks.clone(), rays: args.rays, runs: args.runs };
-    let bar = progress_bar(false);
-    let count = scenes.len() as f64;
-    let mut tables = Vec::new();
-    for (i, scene) in scenes.into_iter().enumerate() {
-        tables.push(masks::run(&ctx, scene, &config, &mut |done| {
-            let _ = show(&bar, &Progress { done: (i as f64 + done) / count, phase: "builds" });
-        })?);
-    }
-    bar.finish_and_clear();
-    no_messages(&ctx.close())?;
-    if let Some(path) = &args.csv {
-        let rows = tables.iter().flat_map(|t| t.rows.iter().map(move |r| columns(t, r)));
-        output::write_atomically(path, csv_of(rows).as_bytes())?;
-    }
-    let report = Report { device, tables };
-    Ok(if args.json { to_json(&report) } else { text(&report) })
+    let rows = |t: &Table| t.rows.iter().map(|r| columns(t, r)).collect();
+    args.tables.measure("builds", |ctx, scene, progress| masks::run(ctx, scene, &config, progress), rows, text)
 }
 
-/// The JSON object.
-#[derive(Serialize)]
-struct Report {
-    device: DeviceStats,
-    tables: Vec<Table>,
-}
-
-fn text(report: &Report) -> String {
+fn text(report: &Tables<Table>) -> String {
     in_string(|out| {
         for t in &report.tables {
             writeln!(out, "{} {}; {} rays, {} builds of each", t.volume, times(&t.dims), t.rays, t.runs)?;
