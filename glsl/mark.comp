@@ -30,18 +30,6 @@ ivec3 end_voxel(vec3 high) {
     return min(ivec3(ceil(high - 0.5)) + 1, ivec3(scene.dims));
 }
 
-uint voxels_with_extinction(ivec3 first, ivec3 end) {
-    uint found = 0u;
-    for (int z = first.z; z < end.z; z++) {
-        for (int y = first.y; y < end.y; y++) {
-            for (int x = first.x; x < end.x; x++) {
-                found += texelFetch(field, ivec3(x, y, z), 0).a > 0.0 ? 1u : 0u;
-            }
-        }
-    }
-    return found;
-}
-
 void main() {
     ivec3 at = ivec3(gl_GlobalInvocationID);
     ivec3 blocks = ivec3((scene.dims + edge - 1u) / edge);
@@ -54,24 +42,30 @@ void main() {
     ivec3 macrocell = min(at * int(edge), ivec3(scene.dims) - 1) / int(SKIP_SIZE);
     uint word = texelFetch(emptiness, macrocell, 0).r;
     bool is_far = ((word >> 1u | word >> 2u | word >> 3u) & 0x11111111u) == 0x11111111u;
-    if (exists && !is_far) {
-        ivec3 begin = at * int(edge);
-        // A cell ends half a block beyond where the block of its index begins, and so does the one after it.
-        vec3 half_block = vec3(0.5 * float(edge));
-        vec3 low = max(vec3(begin) - half_block, 0.0);
-        vec3 middle = vec3(begin) + half_block;
-        // Blocks at the volume's end may be cut before their middle.
-        bool has_cell = all(lessThan(low, vec3(scene.dims)));
-        if (has_cell && voxels_with_extinction(first_voxel(low), end_voxel(middle)) > 0u) {
-            bits |= 1u << LISTED_CELLS;
-        }
-        if (is_block) {
-            if (voxels_with_extinction(first_voxel(low), end_voxel(middle + float(edge))) > 0u) {
-                bits |= 1u << LISTED_NODES;
+    ivec3 begin = at * int(edge);
+    ivec3 end = begin + int(edge);
+    // A cell ends half a block beyond where the block of its index begins, and so does the one after it, up to which a node
+    // reaches. Blocks at the volume's end may be cut before their middle: then nothing is left for the cell after them.
+    vec3 half_block = vec3(0.5 * float(edge));
+    bool has_cell = all(lessThan(vec3(begin) - half_block, vec3(scene.dims)));
+    if (exists && has_cell && !is_far) {
+        ivec3 first = first_voxel(vec3(begin) - half_block);
+        ivec3 cell_end = end_voxel(vec3(begin) + half_block);
+        ivec3 node_end = is_block ? end_voxel(vec3(end) + half_block) : cell_end;
+        for (int z = first.z; z < node_end.z; z++) {
+            for (int y = first.y; y < node_end.y; y++) {
+                for (int x = first.x; x < node_end.x; x++) {
+                    ivec3 voxel = ivec3(x, y, z);
+                    if (texelFetch(field, voxel, 0).a > 0.0) {
+                        bits |= is_block ? 1u << LISTED_NODES : 0u;
+                        bits |= all(lessThan(voxel, cell_end)) ? 1u << LISTED_CELLS : 0u;
+                        bool is_own = all(greaterThanEqual(voxel, begin)) && all(lessThan(voxel, end));
+                        active_voxels += is_own ? 1u : 0u;
+                    }
+                }
             }
-            active_voxels = voxels_with_extinction(begin, min(begin + int(edge), ivec3(scene.dims)));
-            bits |= active_voxels > 0u ? 1u << LISTED_VOXELS : 0u;
         }
+        bits |= active_voxels > 0u ? 1u << LISTED_VOXELS : 0u;
     }
     active_voxels = subgroupAdd(active_voxels);
     if (subgroupElect() && active_voxels > 0u) {
