@@ -6,7 +6,7 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use common::gpu_test;
+use common::{gpu_test, tiles_in_order_test};
 use data::{Random, assert_same};
 use std::ops::Range;
 use tyndall::cpu;
@@ -279,15 +279,8 @@ fn the_count_may_come_from_the_gpu() {
 
 #[test]
 fn tiles_in_order_find_what_they_wait_for() {
-    // Without worker threads lavapipe runs one workgroup after another; then nothing that was published is missing.
-    if std::env::var("LP_NUM_THREADS").as_deref() != Ok("0") {
-        println!("SKIP: tiles in order need lavapipe with LP_NUM_THREADS=0");
-        return;
-    }
-    gpu_test(|ctx| {
-        if !ctx.is_cpu() {
-            return;
-        }
+    // Then nothing that was published is missing.
+    tiles_in_order_test(|ctx| {
         let sort = RadixSort::new(ctx, SMALL_TILES).unwrap();
         let scratch = sort.scratch(ctx, 10_000).unwrap();
         let report = check(ctx, &sort, &scratch, 0..32, &Random(13).words(10_000), "in order");

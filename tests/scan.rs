@@ -5,7 +5,7 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use common::gpu_test;
+use common::{gpu_test, tiles_in_order_test};
 use data::{Random, assert_same};
 use tyndall::cpu;
 use tyndall::passes::lookback::{Carry, Count, MAX_ITEMS, Report};
@@ -121,15 +121,8 @@ fn exact_at_every_size_between_one_and_two_default_tiles() {
 
 #[test]
 fn tiles_in_order_find_what_they_wait_for() {
-    // Without worker threads lavapipe runs one workgroup after another; then nothing that was published is missing.
-    if std::env::var("LP_NUM_THREADS").as_deref() != Ok("0") {
-        println!("SKIP: tiles in order need lavapipe with LP_NUM_THREADS=0");
-        return;
-    }
-    gpu_test(|ctx| {
-        if !ctx.is_cpu() {
-            return;
-        }
+    // Then nothing that was published is missing.
+    tiles_in_order_test(|ctx| {
         let scan = Scan::new(ctx, SMALL_TILES).unwrap();
         let scratch = scan.scratch(ctx, 10_000).unwrap();
         let report = check(ctx, &scan, &scratch, SMALL_TILES, &Random(13).words(10_000));

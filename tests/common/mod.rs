@@ -63,6 +63,19 @@ pub fn gpu_test(body: impl FnOnce(&Context)) {
     assert_silent(&messages_of(body));
 }
 
+/// Runs `body` on lavapipe without worker threads, which runs one workgroup after another; skips elsewhere.
+pub fn tiles_in_order_test(body: impl FnOnce(&Context)) {
+    if std::env::var("LP_NUM_THREADS").as_deref() != Ok("0") {
+        println!("SKIP: tiles in order need lavapipe with LP_NUM_THREADS=0");
+        return;
+    }
+    gpu_test(|ctx| {
+        if ctx.is_cpu() {
+            body(ctx);
+        }
+    });
+}
+
 /// Fails with the first of any messages.
 #[track_caller]
 pub fn assert_silent(messages: &[Message]) {
