@@ -6,8 +6,9 @@
 // Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by take_tile.
 // Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots or, when it is narrow, by broadcasts.
 // Buffers: keys_in, payloads_in -> keys_out, payloads_out (not the same memory); status (zero before the first pass):
-//   RADIX_PASSES tickets and as many words that say whether all keys share the digit, then per pass `rows` rows of RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of
-//   tile t. Counts stay below 2^30, the width of a status word's value.
+//   RADIX_PASSES tickets and as many words that say whether all keys share the digit, then per pass `rows` rows of
+//   RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of tile t. Counts stay below 2^30, the width of a status
+//   word's value.
 // Shared memory: SCRATCH_WORDS + RADIX_DIGITS words and a few.
 //
 // Places beyond the count hold the largest image of a key. They come last in the last tile and sort last, so they get places like

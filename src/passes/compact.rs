@@ -1,5 +1,5 @@
-//! Lists of the blocks of voxels and the cells that have to do with the medium (`glsl/mark.comp`, `glsl/compact.comp`), and kernels over
-//! them in chunks (`glsl/chunk_args.comp`).
+//! Lists of the blocks of voxels and the cells that have to do with the medium (`glsl/mark.comp`, `glsl/compact.comp`),
+//! and kernels over them in chunks (`glsl/chunk_args.comp`).
 //!
 //! A volume may have more voxels than one storage buffer holds words, so a list is split: each segment lists a range of
 //! linear indices.
@@ -223,7 +223,8 @@ impl List {
         })
     }
 
-    /// Lists what is marked; the marks must be of the same blocks. Ordered after all compute accesses before; ends with the list written by compute.
+    /// Lists what is marked; the marks must be of the same blocks. Ordered after all compute accesses before; ends with the
+    /// list written by compute.
     pub fn record(&self, rec: &mut Recorder, scene: &SceneData, marks: &Marks) {
         for segment in &self.segments {
             rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);

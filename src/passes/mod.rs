@@ -42,7 +42,7 @@ pub(crate) fn share_of(count: u32, share: f32) -> u32 {
 }
 
 /// The format that fields of light and extinction have.
-pub fn stored_format(precision: Precision) -> ImageFormat {
+fn stored_format(precision: Precision) -> ImageFormat {
     match precision {
         Precision::Half => ImageFormat::Rgba16Float,
         Precision::Single => ImageFormat::Rgba32Float,

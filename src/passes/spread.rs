@@ -21,7 +21,8 @@ impl Spread {
     }
 
     /// Writes what is trilinear between the values of `nodes` to `solution`, with the extinction of `field`. `sum`: what it is
-    /// added to, with the same extinction, or nothing; `unused` is bound in its place. `fixed`: light at the voxels that enters `solution` beside it.
+    /// added to, with the same extinction, or nothing; `unused` is bound in its place. `fixed`: light at the voxels that
+    /// enters `solution` beside it.
     ///
     /// Ordered after all compute accesses before; ends with `solution` and `sum` written by compute.
     #[allow(clippy::too_many_arguments, reason = "what is read and written is named one by one")]

@@ -42,8 +42,8 @@
 //!   of the report to the host.
 //!
 //! The caller orders everything else: what other stages (graphics, ray tracing) did before the first access, and the last
-//! access before all uses but those by these primitives and by copies out. Barriers order what is in submission order on the same queue;
-//! between queues it takes the caller's semaphores. What the host wrote before the submission needs nothing.
+//! access before all uses but those by these primitives and by copies out. Barriers order what is in submission order on
+//! the same queue; between queues it takes the caller's semaphores. What the host wrote before the submission needs nothing.
 //!
 //! A recording changes the compute pipeline, its descriptor set 0 and its push constants in the command buffer.
 //!

@@ -947,8 +947,8 @@ impl Context {
         Ok(texels)
     }
 
-    /// Waits for the device (unless it is borrowed), checks for leaks, tears everything down, and returns every message there was, the
-    /// teardown's included.
+    /// Waits for the device (unless it is borrowed), checks for leaks, tears everything down, and returns every message there
+    /// was, the teardown's included.
     pub fn close(self) -> Vec<Message> {
         let Self { shared, .. } = self;
         // The owner of a borrowed device has waited: its queues are not ours to touch.
