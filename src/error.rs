@@ -5,6 +5,9 @@
 
 use std::path::{Path, PathBuf};
 
+/// Exit code after Ctrl-C: what shells give to programs that SIGINT ends.
+pub const STOPPED: u8 = 130;
+
 /// Result of every fallible operation of the crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -108,6 +111,20 @@ pub enum Error {
         /// All frames.
         count: usize,
     },
+    /// Scenes of a batch could not be read; each was named.
+    #[error("{failed} of {count} scenes could not be read\n  cure: see the warnings above; the others are rendered")]
+    Scenes {
+        /// Scenes that failed.
+        failed: usize,
+        /// All scenes.
+        count: usize,
+    },
+    /// The caller, or the user by Ctrl-C, asked to stop.
+    #[error("stopped before it was done\n  cure: {cure}")]
+    Stopped {
+        /// What the user can do to go on.
+        cure: &'static str,
+    },
     /// A GPU pass found that its result cannot be trusted.
     #[error("pass '{pass}' reported a failure on the device: {problem}")]
     Device {
@@ -139,8 +156,23 @@ impl Error {
         Error::Io { path: path.to_owned(), operation, source }
     }
 
-    /// Exit code of the command line: 1 = failed, 2 = wrong usage.
+    /// Exit code of the command line: 1 = failed, 2 = wrong usage, 130 = stopped by the user.
     pub fn exit_code(&self) -> u8 {
-        if matches!(self, Error::Usage { .. }) { 2 } else { 1 }
+        match self {
+            Error::Usage { .. } => 2,
+            Error::Stopped { .. } => STOPPED,
+            _ => 1,
+        }
+    }
+
+    /// Is there no use in going on with something else on the same device?
+    pub fn is_final(&self) -> bool {
+        use ash::vk::Result as R;
+        match self {
+            Error::Stopped { .. } => true,
+            // Of a fence: the device hangs.
+            Error::Vulkan { result, .. } => matches!(*result, R::ERROR_DEVICE_LOST | R::TIMEOUT),
+            _ => false,
+        }
     }
 }

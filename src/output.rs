@@ -133,21 +133,43 @@ pub fn check_writable(path: &Path) -> Result<()> {
 /// Writes a whole file: a temporary file beside it, then a rename. A link is followed. Devices and pipes, which
 /// cannot be renamed over, are written directly.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace(path, |temporary| {
+        let mut file = File::options().write(true).open(temporary).map_err(|e| Error::io(path, "open", e))?;
+        file.write_all(bytes).map_err(|e| Error::io(path, "write", e))
+    })
+}
+
+/// The same for a file that `write` fills: it gets the path of an empty file, with the extension of `path`.
+pub fn replace(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     if is_special(path) {
-        let mut file = File::options().write(true).open(path).map_err(|e| Error::io(path, "open", e))?;
-        return file.write_all(bytes).map_err(|e| Error::io(path, "write", e));
+        return write(path);
     }
     let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let mut temporary = temporary_beside(&target)?;
-    temporary.write_all(bytes).map_err(|e| Error::io(path, "write", e))?;
+    let temporary = temporary_beside(&target)?;
+    write(temporary.path())?;
     // Without this a power cut after the rename could leave an empty file under the final name.
     temporary.as_file().sync_all().map_err(|e| Error::io(path, "write", e))?;
     temporary.persist(&target).map_err(|e| Error::io(path, "create", e.error))?;
     Ok(())
 }
 
+/// Removes what killed processes left of files that they were writing in this folder. What is still being written is locked,
+/// and stays; so does everything where the file system knows no locks.
+pub fn remove_leftovers(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if !entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+            continue;
+        }
+        let is_left = File::options().write(true).open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
+        if is_left {
+            // Somebody else may be faster.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
 /// The directory that holds `path`.
-fn directory_of(path: &Path) -> PathBuf {
+pub fn directory_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
         _ => PathBuf::from("."),
@@ -159,17 +181,28 @@ fn is_special(path: &Path) -> bool {
     path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
-/// A temporary file in the directory of `path`, deleted when dropped.
+/// How the names of temporary files begin.
+const TEMPORARY: &str = ".tyndall-";
+
+/// A temporary file in the directory of `path`, with its extension: deleted when dropped, locked until then.
 fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
+    let suffix = path.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".tyndall-");
+    builder.prefix(TEMPORARY).suffix(&suffix);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
         // Temporary files are private by default; this one becomes an ordinary file, so the umask decides.
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(directory_of(path)).map_err(|e| Error::io(path, "create", e))
+    loop {
+        let file = builder.tempfile_in(directory_of(path)).map_err(|e| Error::io(path, "create", e))?;
+        // Whoever took it for a leftover, before it was locked, has the lock and removes it.
+        let is_taken = matches!(file.as_file().try_lock(), Err(std::fs::TryLockError::WouldBlock));
+        if !is_taken && file.path().exists() {
+            return Ok(file);
+        }
+    }
 }
 
 /// Writes a picture in the format that the extension names. `png` does not matter to EXR. Returns the exposure in

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use serde::Serialize;
 
@@ -143,16 +144,22 @@ pub struct AutoStats {
 /// A batch: the figures of the whole run, and of every frame.
 #[derive(Clone, Debug, Serialize)]
 pub struct BatchStats {
-    /// Of all frames together.
+    /// Of all frames together; settings and volume are those of the first that was rendered. None if none was.
     #[serde(flatten)]
-    pub all: Stats,
-    /// By number.
+    pub all: Option<Stats>,
+    /// In the order of scenes and numbers.
     pub frames: Vec<FrameStats>,
 }
 
 /// One frame of a batch.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameStats {
+    /// Its place among all frames of all scenes.
+    #[serde(skip)]
+    pub index: usize,
+    /// Its scene's name, where there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
     /// Its number.
     pub frame: u32,
     /// Where its picture is.
@@ -166,9 +173,10 @@ pub struct FrameStats {
     pub gpu_ms: f64,
     /// GPU time of the pass `camera`.
     pub camera_ms: f64,
-    /// Elapsed time, writing the file included.
+    /// From when it was begun until its file was written, other frames' work in between included.
     pub wall_ms: f64,
     /// GPU time per pass and iteration.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub passes: Vec<PassStats>,
 }
 
@@ -185,11 +193,34 @@ pub enum Outcome {
 }
 
 impl FrameStats {
-    /// A frame of which these passes were needed.
-    pub fn new(frame: u32, file: PathBuf, outcome: Outcome, passes: Vec<PassStats>) -> Self {
+    /// A frame of which nothing else is known.
+    pub fn new(index: usize, scene: Option<String>, frame: u32, file: PathBuf, outcome: Outcome) -> Self {
+        let (error, passes) = (None, Vec::new());
+        Self { index, scene, frame, file, outcome, error, gpu_ms: 0.0, camera_ms: 0.0, wall_ms: 0.0, passes }
+    }
+
+    /// The same, for which these passes were needed.
+    pub fn with_passes(self, passes: Vec<PassStats>) -> Self {
         let of = |is: fn(&&PassStats) -> bool| passes.iter().filter(is).map(|p| p.ms).sum();
         let (gpu_ms, camera_ms) = (of(|_| true), of(|p| p.name == "camera"));
-        Self { frame, file, outcome, error: None, gpu_ms, camera_ms, wall_ms: 0.0, passes }
+        Self { gpu_ms, camera_ms, passes, ..self }
+    }
+
+    /// The same, ended now.
+    pub fn ended(self, begun: Instant, error: Option<crate::Error>) -> Self {
+        let wall_ms = begun.elapsed().as_secs_f64() * 1e3;
+        Self { wall_ms, error: error.map(|e| e.to_string()), ..self }
+    }
+
+    /// The same in a few words.
+    pub fn without_passes(&self) -> Self {
+        Self { passes: Vec::new(), ..self.clone() }
+    }
+
+    /// `skull, frame 3`.
+    pub fn title(&self) -> String {
+        let scene = self.scene.as_ref().map_or_else(String::new, |scene| format!("{scene}, "));
+        format!("{scene}frame {}", self.frame)
     }
 }
 

@@ -315,10 +315,10 @@ fn storage_order_is_not_seen() {
                 let (i, j, k) = (n % 7, n / 7 % 5, n / 35);
                 old.value((j * 7 + i) * 9 + 8 - k) as f32
             };
-            scene.volume.data = VoxelData::F32((0..315).map(source).collect());
+            scene.volume_mut().data = VoxelData::F32((0..315).map(source).collect());
             let permute = DMat3::from_cols(DVec3::Y, DVec3::Z, -DVec3::X);
             let to_old = DAffine3 { matrix3: permute, translation: DVec3::new(9.0, 0.0, 0.0) };
-            scene.volume.grid = Grid { dims, index_to_world: old.grid.index_to_world * to_old };
+            scene.volume_mut().grid = Grid { dims, index_to_world: old.grid.index_to_world * to_old };
             let difference = largest_difference(&render(ctx, &scene), &before);
             assert!(difference < 2e-3, "{model:?}: {difference}");
         }
@@ -355,7 +355,7 @@ fn an_empty_volume_shows_the_background() {
     gpu_test(|ctx| {
         for model in MODELS {
             let mut scene = cloud();
-            scene.volume.data = VoxelData::F32(vec![0.0; 315]);
+            scene.volume_mut().data = VoxelData::F32(vec![0.0; 315]);
             scene.settings.model = model;
             for (background, expected) in [
                 (Background::Color(Vec3::new(0.25, 0.5, 2.0)), [0.25, 0.5, 2.0, 1.0]),
@@ -387,9 +387,9 @@ fn scalars_that_are_no_numbers() {
                 }
                 VoxelData::F32(values)
             };
-            scene.volume.data = values(0.0, 10.0, -10.0);
+            scene.volume_mut().data = values(0.0, 10.0, -10.0);
             let expected = render(ctx, &scene);
-            scene.volume.data = values(f32::NAN, f32::INFINITY, f32::NEG_INFINITY);
+            scene.volume_mut().data = values(f32::NAN, f32::INFINITY, f32::NEG_INFINITY);
             let got = render(ctx, &scene);
             assert!(got.pixels.iter().flatten().all(|c| c.is_finite()), "{model:?}");
             // Shading reads its neighbours' values for the gradient, so `phong` may differ.
@@ -436,7 +436,8 @@ fn extremes_stay_finite() {
             }
         });
         check("tiny voxels", &|s| {
-            s.volume.grid.index_to_world = DAffine3::from_scale(DVec3::splat(1e-6)) * s.volume.grid.index_to_world;
+            s.volume_mut().grid.index_to_world =
+                DAffine3::from_scale(DVec3::splat(1e-6)) * s.volume.grid.index_to_world;
             s.camera.position *= 1e-6;
             s.density_scale = 1e6;
         });

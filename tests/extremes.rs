@@ -140,7 +140,7 @@ fn cloud() -> Scene {
 /// World scaled by `scale`, then moved by `offset`: all lengths, but nothing else, so that the picture stays.
 fn elsewhere(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
     let map = DAffine3 { matrix3: DMat3::from_diagonal(DVec3::splat(scale)), translation: offset };
-    scene.volume.grid.index_to_world = map * scene.volume.grid.index_to_world;
+    scene.volume_mut().grid.index_to_world = map * scene.volume.grid.index_to_world;
     scene.camera.position = map.transform_point3(scene.camera.position);
     scene.density_scale /= scale;
     for light in &mut scene.lights {
@@ -231,7 +231,7 @@ fn haze_beside_dense_matter() {
         for (dense, cached, tolerance) in [(1e4, opacity, 1e-3), (1e6, opacity, 0.022), (1e9, 0.0, 0.0)] {
             let mut scene = homogeneous(Grid::axis_aligned([1, 1, 32], [1.0; 3], [0.5; 3]), 1.0, Vec3::ZERO);
             scene.lights.push(sun([1.0, 0.0, 0.0]));
-            scene.volume.data = VoxelData::F32((0..32).map(|z| if z == 31 { 2.0 } else { 1.0 }).collect());
+            scene.volume_mut().data = VoxelData::F32((0..32).map(|z| if z == 31 { 2.0 } else { 1.0 }).collect());
             let point = TransferPoint { value: 2.0, opacity: dense, ..scene.transfer.points[1] };
             scene.transfer.points.push(point);
             aim(&mut scene, [-1.0, 0.4, 0.6], [1.0, 0.0, 0.0], [8, 8]);
@@ -261,7 +261,7 @@ fn nothing_is_seen_through_nothing() {
             match case {
                 0 => scene.transfer = matter(0.0, Vec3::ONE, Vec3::ONE),
                 1 => scene.density_scale = 0.0,
-                _ => scene.volume.data = VoxelData::F32(vec![0.0; 315]),
+                _ => scene.volume_mut().data = VoxelData::F32(vec![0.0; 315]),
             }
             let picture = render_as(ctx, &scene, model, 8);
             // `path` scales its sums to the range of the light and back, once each.
@@ -463,7 +463,7 @@ fn scalars_that_are_no_numbers() {
                 _ => {}
             });
             let mut scene = cloud();
-            scene.volume.data = VoxelData::F32(values);
+            scene.volume_mut().data = VoxelData::F32(values);
             // Matter at the low end too, where NaN is stored.
             let first = scene.transfer.points[0];
             scene.transfer.points.insert(0, TransferPoint { value: -4.0, ..first });
@@ -497,7 +497,7 @@ fn scalars_of_every_magnitude() {
             let mut scene = homogeneous(unit_cube(2), 1.0, Vec3::ONE);
             let values: Vec<f64> = points.iter().map(|p| p.value).collect();
             scene.transfer.points = points;
-            scene.volume.data = VoxelData::F32(vec![value; 8]);
+            scene.volume_mut().data = VoxelData::F32(vec![value; 8]);
             aim(&mut scene, [-1.0, 0.4, 0.6], [1.0, 0.0, 0.0], [8, 8]);
             for model in [Model::Absorption, Model::Path] {
                 let opacity = f64::from(mean(&render_as(ctx, &scene, model, 1024)).w);
@@ -527,7 +527,7 @@ fn opaque_and_non_monotone_matter() {
             // The mean spacing is the unit: 2⁻⁴⁸ passes three voxels.
             assert_near(&format!("{model:?}, opaque"), opacity(&mut scene, 0.5) as f32, 1.0, 1e-3);
             // One voxel passes 2⁻¹⁶.
-            scene.volume.data = VoxelData::F32((0..27).map(|i| if i == 13 { 1.0 } else { 0.0 }).collect());
+            scene.volume_mut().data = VoxelData::F32((0..27).map(|i| if i == 13 { 1.0 } else { 0.0 }).collect());
             assert!(opacity(&mut scene, 0.5) > 0.998, "{model:?}, one opaque voxel");
 
             let mut scene = homogeneous(unit_cube(3), 1.0, Vec3::ONE);
@@ -537,7 +537,7 @@ fn opaque_and_non_monotone_matter() {
             scene.transfer.points.insert(1, middle);
             for (value, expected) in [(0.0, 0.0), (0.25, 1.0 - f64::exp(-1.0)), (0.5, 1.0 - f64::exp(-2.0)), (1.0, 0.0)]
             {
-                scene.volume.data = VoxelData::F32(vec![value; 27]);
+                scene.volume_mut().data = VoxelData::F32(vec![value; 27]);
                 let case = format!("{model:?}, tent at {value}");
                 let got = opacity(&mut scene, 0.5);
                 assert_share(&case, got, expected, if model == Model::Path { 64.0 * 256.0 } else { 1e9 });
@@ -838,9 +838,9 @@ fn path_through_a_large_volume() {
     gpu_test(|ctx| {
         let grid = Grid::axis_aligned([512, 512, 182], [1.0; 3], [0.5; 3]);
         let mut scene = homogeneous(Grid::axis_aligned([1, 1, 1], [1.0; 3], [0.0; 3]), 0.01, Vec3::ONE);
-        scene.volume.grid = grid;
+        scene.volume_mut().grid = grid;
         let is_inside = |i: usize| (100..400).contains(&(i % 512)) && (i / 512 % 512) < 300;
-        scene.volume.data = VoxelData::U8((0..grid.voxels() as usize).map(|i| u8::from(is_inside(i))).collect());
+        scene.volume_mut().data = VoxelData::U8((0..grid.voxels() as usize).map(|i| u8::from(is_inside(i))).collect());
         aim(&mut scene, [-50.0, 150.0, 90.0], [1.0, 0.0, 0.0], [16, 16]);
         let got = f64::from(mean(&render_as(ctx, &scene, Model::Path, 256)).w);
         assert_share("along x", got, 1.0 - f64::exp(-3.0), 65536.0);

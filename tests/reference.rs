@@ -208,7 +208,7 @@ fn the_width_of_a_slab_does_not_matter() {
         for (tau, orders) in [(1.0, 4), (16.0, 12)] {
             let [narrow, medium, wide] = [3.0, 100.0, 1e4].map(|width| {
                 let mut scene = slab(tau, 0.0, [1.0; 3], orders);
-                scene.volume.grid = Grid::axis_aligned([1, 1, 1], [width, width, 1.0], [0.0, 0.0, 0.5]);
+                scene.volume_mut().grid = Grid::axis_aligned([1, 1, 1], [width, width, 1.0], [0.0, 0.0, 0.5]);
                 beam(&mut scene, 0.5);
                 look(&mut scene, true, 0.5, 90.0);
                 measure(ctx, &scene, [0.05; 3], PRECISION, 4096)
@@ -228,7 +228,7 @@ fn a_white_furnace_is_white() {
         for (extinction, g) in [(1.0, 0.0), (50.0, 0.9), (50.0, -0.5), (8.0, 0.999), (8.0, -0.999)] {
             let grid = Grid::axis_aligned([7, 6, 5], [0.2; 3], [0.1; 3]);
             let mut scene = homogeneous(grid, extinction, Vec3::ONE);
-            scene.volume.data = VoxelData::F32(clouds.clone());
+            scene.volume_mut().data = VoxelData::F32(clouds.clone());
             scene.transfer = matter(extinction, Vec3::ONE, Vec3::ZERO);
             scene.g = g;
             scene.environment = Some(Environment::Constant(Vec3::ONE));

@@ -87,8 +87,8 @@ fn slab_in_voxels(probe: &Probe, width: f64, fineness: f64) -> Scene {
     let across = (width / tau * layers).ceil();
     let first = -0.5 * (across - 1.0) * spacing;
     let dims = [across as u32, across as u32, layers as u32];
-    scene.volume.grid = Grid::axis_aligned(dims, [spacing; 3], [first, first, 0.5 * spacing]);
-    scene.volume.data = VoxelData::F32(vec![1.0; scene.volume.grid.voxels() as usize]);
+    scene.volume_mut().grid = Grid::axis_aligned(dims, [spacing; 3], [first, first, 0.5 * spacing]);
+    scene.volume_mut().data = VoxelData::F32(vec![1.0; scene.volume.grid.voxels() as usize]);
     // From far away, so that all rays are parallel to 1e-3; on the slab the patch is a quarter of the width long.
     let camera = scene.camera;
     let seen_at = camera.position + camera.forward;
@@ -173,8 +173,8 @@ fn cases<'a>(table: &Value, probes: &'a [Probe], balls: &'a [spheres::Probe]) ->
                 let of = |fineness: f64| {
                     if is_box {
                         let mut scene = cached(probe.scene.clone());
-                        scene.volume.grid = unit_cube((tau * fineness).ceil().max(2.0) as u32);
-                        scene.volume.data = VoxelData::F32(vec![1.0; scene.volume.grid.voxels() as usize]);
+                        scene.volume_mut().grid = unit_cube((tau * fineness).ceil().max(2.0) as u32);
+                        scene.volume_mut().data = VoxelData::F32(vec![1.0; scene.volume.grid.voxels() as usize]);
                         seen(ctx, &scene)
                     } else {
                         seen(ctx, &slab_in_voxels(probe, width(tau), fineness))

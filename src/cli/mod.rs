@@ -5,6 +5,7 @@ pub mod bench;
 pub mod compare;
 pub mod devices;
 pub mod inspect;
+mod interrupt;
 pub mod merge;
 pub mod render;
 pub mod tradeoff;
@@ -18,7 +19,8 @@ use crate::vk::{ContextConfig, Validation, user_cache_dir};
 
 /// Headless volume renderer with physically based multiple scattering.
 ///
-/// Results go to stdout, errors and progress to stderr. Exit code 0 = done, 1 = failed, 2 = wrong usage.
+/// Results go to stdout, errors and progress to stderr. Exit code 0 = done, 1 = failed, 2 = wrong usage,
+/// 130 = stopped by Ctrl-C.
 #[derive(clap::Parser, Debug)]
 #[command(name = "tyndall", version, max_term_width = 110)]
 pub struct Cli {

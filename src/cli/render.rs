@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{DeviceArgs, ReportArgs, SceneArgs, name_of};
+use super::{DeviceArgs, ReportArgs, SceneArgs, interrupt, name_of};
 use crate::output::{self, BitDepth, PngOptions};
 use crate::render::{self, Progress};
 use crate::scene::{Model, Sampling, Scene, UNLIMITED};
@@ -53,6 +53,7 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let ctx = Context::new(&args.device.config())?;
 
+    interrupt::listen();
     let bar = progress_bar(args.report.quiet);
     let mut progress = |progress: Progress| show(&bar, &progress);
     let (picture, stats) = match &args.state {
@@ -89,11 +90,11 @@ pub(super) fn progress_bar(quiet: bool) -> ProgressBar {
     ProgressBar::new(BAR_STEPS).with_style(style)
 }
 
-/// Moves the bar.
+/// Moves the bar; breaks off when the user asks for it.
 pub(super) fn show(bar: &ProgressBar, progress: &Progress) -> ControlFlow<()> {
     bar.set_message(progress.phase);
     bar.set_position((progress.done * BAR_STEPS as f64) as u64);
-    ControlFlow::Continue(())
+    if interrupt::is_asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 /// Moves the bar, and starts it again with every phase: what is left is guessed anew from the pace of that.

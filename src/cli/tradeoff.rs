@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::ValueEnum as _;
 
 use super::render::{progress_bar, show_by_phase};
-use super::{DeviceArgs, SceneArgs, name_of};
+use super::{DeviceArgs, SceneArgs, interrupt, name_of};
 use crate::measure::front::Goal;
 use crate::measure::knobs::Knob;
 use crate::measure::processor_ms;
@@ -131,6 +131,7 @@ pub fn run(args: &Args) -> Result<String> {
         sweep.measured()
     ));
 
+    interrupt::listen();
     let bar = progress_bar(args.quiet);
     let mut progress = show_by_phase(&bar);
     sweep.render_references(&mut progress)?;

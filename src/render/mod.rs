@@ -23,7 +23,7 @@ use crate::passes::single_scatter::SingleScatter;
 use crate::scene::{self, LightFor, Mask, Model, Precision, Sampling, Scene};
 use crate::shaders::constants;
 use crate::stats::{AutoStats, PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
-use crate::vk::{Access, Buffer, Context, Image, Recorder, Submission, TimedPass};
+use crate::vk::{Access, Buffer, Context, Image, ImageReadBack, Recorder, Submission, TimedPass};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range, RangeInclusive};
@@ -39,7 +39,7 @@ pub struct Progress {
 }
 
 fn stopped() -> Error {
-    Error::input("render", "stopped before it was done", "start it again")
+    Error::Stopped { cure: "start it again" }
 }
 
 /// Knobs that only tests turn.
@@ -111,6 +111,26 @@ pub struct Renderer<'a> {
     /// Of the latest light, with the sampling `auto`.
     decision: Option<AutoStats>,
     times: Vec<TimedPass>,
+}
+
+/// A picture that is being taken.
+#[must_use = "dropping it waits for it"]
+pub struct Taken {
+    submissions: Vec<Submission>,
+    pixels: ImageReadBack<[f32; 4]>,
+    size: [u32; 2],
+    times: Vec<TimedPass>,
+}
+
+impl Taken {
+    /// Waits for the picture; returns the times of its passes too.
+    pub fn finish(mut self) -> Result<(Picture, Vec<TimedPass>)> {
+        for submission in self.submissions {
+            self.times.extend(submission.wait()?);
+        }
+        let [width, height] = self.size;
+        Ok((Picture { width, height, pixels: self.pixels.wait()? }, self.times))
+    }
 }
 
 /// A list whose items get the given share of directions.
@@ -328,23 +348,30 @@ impl<'a> Renderer<'a> {
 
     /// Takes a picture. Light is computed only if what is there already, of this seed, is not for this eye.
     pub fn picture(&mut self, progress: &mut dyn FnMut(Progress) -> ControlFlow<()>) -> Result<Picture> {
+        let (picture, times) = self.begin_picture(progress)?.finish()?;
+        self.times = times;
+        Ok(picture)
+    }
+
+    /// Does the same, but leaves the last of the work to the device: what the host does next, it does meanwhile.
+    pub fn begin_picture(&mut self, progress: &mut dyn FnMut(Progress) -> ControlFlow<()>) -> Result<Taken> {
         let mut queue = Queue::new(progress);
-        let lights = !self.is_lit;
-        if lights {
-            self.light(&mut queue)?;
-        } else {
+        if self.is_lit {
             queue.total = self.camera_work();
+        } else {
+            self.light(&mut queue)?;
+            if let Some(proxy) = self.proxy() {
+                proxy.check(self.ctx)?;
+            }
+            self.is_lit = true;
         }
         self.take_picture(&mut queue)?;
-        queue.finish()?;
-        self.times = std::mem::take(&mut queue.times);
-        if lights && let Some(proxy) = self.proxy() {
-            proxy.check(self.ctx)?;
-        }
-        self.is_lit = true;
-        let pixels: Vec<[f32; 4]> = self.ctx.read_back_image(&self.picture)?;
-        let [width, height] = self.data.params.size;
-        Ok(Picture { width, height, pixels })
+        Ok(Taken {
+            submissions: queue.in_flight.into_iter().map(|work| work.0).collect(),
+            pixels: self.ctx.begin_read_back_image(&self.picture)?,
+            size: self.data.params.size,
+            times: queue.times,
+        })
     }
 
     /// Everything before the camera.
@@ -806,7 +833,12 @@ impl<'a> Renderer<'a> {
 
     /// Figures of the latest render. `wall_ms` is what the caller measured.
     pub fn stats(&self, scene: &Scene, wall_ms: f64) -> Result<Stats> {
-        let passes = pass_stats(&self.times);
+        self.stats_of(scene, &self.times, wall_ms)
+    }
+
+    /// The same with the times that [`Taken::finish`] gave.
+    pub fn stats_of(&self, scene: &Scene, times: &[TimedPass], wall_ms: f64) -> Result<Stats> {
+        let passes = pass_stats(times);
         let mut proxies = Vec::new();
         if let Some(proxy) = self.proxy() {
             let log = self.ctx.read_back(&self.proxy_log)?;
@@ -881,12 +913,5 @@ impl<'p> Queue<'p> {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(()) => Err(stopped()),
         }
-    }
-
-    fn finish(&mut self) -> Result<()> {
-        while !self.in_flight.is_empty() {
-            self.wait_for_oldest()?;
-        }
-        Ok(())
     }
 }

@@ -51,14 +51,8 @@ pub fn corners(grid: &Grid) -> [DVec3; 8] {
     })
 }
 
-/// The camera that sees the whole box of voxel faces as large as a margin of 5 % allows, for a picture of
-/// `size` = [width, height] pixels (with `zoom` = 1).
-pub fn frame(grid: &Grid, framing: &Framing, size: [u32; 2]) -> Camera {
-    frame_turning(grid, framing, size, &[0.0])
-}
-
-/// The same that goes on seeing the whole box when it is [`turned`](Camera::turned) by any of `turns` (degrees).
-pub fn frame_turning(grid: &Grid, framing: &Framing, size: [u32; 2], turns: &[f64]) -> Camera {
+/// What is right, up and forward for a camera at these angles.
+fn axes(framing: &Framing) -> [DVec3; 3] {
     let (sa, ca) = framing.azimuth.to_radians().sin_cos();
     let (se, ce) = framing.elevation.to_radians().sin_cos();
     let (sr, cr) = framing.roll.to_radians().sin_cos();
@@ -68,6 +62,18 @@ pub fn frame_turning(grid: &Grid, framing: &Framing, size: [u32; 2], turns: &[f6
     let level_right = forward.cross(level_up);
     let right = level_right * cr - level_up * sr;
     let up = level_up * cr + level_right * sr;
+    [right, up, forward]
+}
+
+/// The camera that sees the whole box of voxel faces as large as a margin of 5 % allows, for a picture of
+/// `size` = [width, height] pixels (with `zoom` = 1).
+pub fn frame(grid: &Grid, framing: &Framing, size: [u32; 2]) -> Camera {
+    frame_turning(grid, framing, size, &[0.0])
+}
+
+/// The same that goes on seeing the whole box when it is [`turned`](Camera::turned) by any of `turns` (degrees).
+pub fn frame_turning(grid: &Grid, framing: &Framing, size: [u32; 2], turns: &[f64]) -> Camera {
+    let [right, up, forward] = axes(framing);
 
     // A corner at (x, y, z) in camera axes about the box's centre is inside if |x − e| ≤ slope·(z + d) with the eye
     // at (e, −d). For each axis the two sides that bind most give the least d and its e.
@@ -94,8 +100,32 @@ pub fn frame_turning(grid: &Grid, framing: &Framing, size: [u32; 2], turns: &[f6
     let least = NEAREST * corners[0].length() - nearest;
     let distance = distance_x.max(distance_y).max(least);
     let position = centre + right * shift_x + up * shift_y - forward * distance;
-    let fov_degrees = 2.0 * (tan / framing.zoom).atan().to_degrees();
-    Camera { position, forward, right, up, fov_degrees }
+    Camera { position, forward, right, up, fov_degrees: zoomed_fov(framing) }
+}
+
+fn zoomed_fov(framing: &Framing) -> f64 {
+    let tan = (0.5 * framing.fov).to_radians().tan();
+    2.0 * (tan / framing.zoom).atan().to_degrees()
+}
+
+/// The camera of `framing` on a way that leads through `all` angles: it looks at the box's centre, from a distance at which
+/// the whole box is seen from every one of them (with `zoom` = 1), so that the box does not swell and shrink on the way.
+pub fn frame_moving(grid: &Grid, framing: &Framing, size: [u32; 2], all: &[Framing]) -> Camera {
+    let centre = centre(grid);
+    let corners = corners(grid).map(|corner| corner - centre);
+    let slope_y = MARGIN * (0.5 * framing.fov).to_radians().tan();
+    let slope_x = slope_y * f64::from(size[0]) / f64::from(size[1]);
+    let needed = |angles: &Framing| {
+        let [right, up, forward] = axes(angles);
+        let of = |c: &DVec3| {
+            let least = NEAREST * corners[0].length();
+            (c.dot(right).abs() / slope_x).max(c.dot(up).abs() / slope_y).max(least) - c.dot(forward)
+        };
+        corners.iter().map(of).fold(0.0, f64::max)
+    };
+    let distance = all.iter().map(needed).fold(needed(framing), f64::max);
+    let [right, up, forward] = axes(framing);
+    Camera { position: centre - forward * distance, forward, right, up, fov_degrees: zoomed_fov(framing) }
 }
 
 /// The camera at `position` that looks at `target` ≠ `position`, with `up` upwards in the picture. If the line of

@@ -3,7 +3,8 @@
 //! A preset, a scene file and the command line are three layers of the same form: whatever a layer leaves out comes
 //! from the one below. Colours are as [`Rgb`] says; angles are in degrees; lengths in the volume's unit.
 
-use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis};
+use super::animation::{KeyTable, Track, field_at, layer_at};
+use super::values::{BackgroundValue, ExposureValue, Factor, Mask, Orders, Rgb, UpAxis};
 use super::{Exposure, LightFor, Model, Precision, Quality, Sampling, ToneCurve};
 use crate::shaders::constants::MAX_LIGHT_EDGE;
 use crate::volume::ScalarType;
@@ -15,13 +16,23 @@ use std::path::{Path, PathBuf};
 
 /// Most camera rays per pixel: single precision counts them exactly.
 pub const MAX_SPP: u32 = 1 << 24;
-/// Most frames of a turntable.
+/// Most frames of a scene.
 pub const MAX_FRAMES: u32 = 100_000;
 /// Largest scene or transfer function file that is read, in bytes.
 const MAX_TEXT_BYTES: u64 = 1 << 24;
 
-/// A table of which every field may be missing; `over` lays one on another, field by field.
+/// A table of which every field may be missing; `over` lays one on another, field by field. A `keyed` one may stand in key
+/// frames.
 macro_rules! table {
+    ($(#[$doc:meta])* keyed $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* }) => {
+        table! { $(#[$doc])* $name { $($(#[$field_doc])* $field: $type,)* } }
+
+        impl Track for $name {
+            fn between(keys: &[(f64, &Self)], at: f64) -> Self {
+                Self { $($field: field_at(keys, at, |key| key.$field.as_ref()),)* }
+            }
+        }
+    };
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* }) => {
         $(#[$doc])*
         #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -61,6 +72,8 @@ pub struct SceneFile {
     pub camera: CameraTable,
     /// `[turntable]`
     pub turntable: TurntableTable,
+    /// `[animation]`
+    pub animation: AnimationTable,
     /// `[render]`
     pub render: RenderTable,
     /// `[output]`
@@ -117,7 +130,7 @@ pub enum RawEndian {
 table! {
     /// Scalar to colour and extinction. Also the whole of a transfer function file. A layer that gives `points` or
     /// `file` replaces the table below it altogether.
-    TransferTable {
+    keyed TransferTable {
         /// A file with the fields of this table (.toml), or a ParaView colour map with opacities (.json).
         file: PathBuf,
         /// Points of the piecewise linear function, by non-decreasing value.
@@ -171,7 +184,7 @@ pub enum OpacityConvention {
 
 table! {
     /// Properties of the medium that hold everywhere.
-    MediumTable {
+    keyed MediumTable {
         /// Henyey-Greenstein mean cosine in (−1, 1); default 0, isotropic.
         g: f64,
         /// Multiplies the transfer function's colour to give the albedo, from 0 to 1; default 1.
@@ -186,7 +199,7 @@ table! {
 table! {
     /// A directional light (`azimuth` and `elevation`, or `direction`), or a point light (`position`, or
     /// `relative_position`).
-    LightTable {
+    keyed LightTable {
         /// Where a directional light comes from, as the camera's azimuth.
         azimuth: f64,
         /// Where a directional light comes from, as the camera's elevation.
@@ -208,7 +221,7 @@ table! {
 
 table! {
     /// Light from all around. A layer that gives `radiance` or `file` replaces the table below it altogether.
-    EnvironmentTable {
+    keyed EnvironmentTable {
         /// The same radiance from everywhere.
         radiance: Rgb,
         /// Latitude-longitude image, .hdr or .exr.
@@ -223,7 +236,7 @@ table! {
 table! {
     /// The camera: automatic framing by angles, or a `position`. A layer that gives one kind takes the other kind's
     /// fields of the layer below away.
-    CameraTable {
+    keyed CameraTable {
         /// Where the eye is: 0 = in front (−y), 90 = at +x (the patient's left); default 0.
         azimuth: f64,
         /// Height above the horizon in −90 to 90; default 0.
@@ -231,7 +244,7 @@ table! {
         /// Turns the camera clockwise; default 0.
         roll: f64,
         /// Magnification of the picture, > 0; default 1.
-        zoom: f64,
+        zoom: Factor,
         /// The eye, world; may be inside the volume.
         position: [f64; 3],
         /// What the eye looks at, world; default: the centre of the volume.
@@ -251,6 +264,17 @@ table! {
         frames: u32,
         /// The whole turn; default 360. Frame i has gone i / frames of it.
         degrees: f64,
+    }
+}
+
+table! {
+    /// Key frames.
+    AnimationTable {
+        /// Frames in all; default: a turntable's, else as many as the volume's series has files or the last key needs,
+        /// whichever is more.
+        frames: u32,
+        /// `[[animation.key]]`, in the order of their frames.
+        key: Vec<KeyTable>,
     }
 }
 
@@ -287,7 +311,7 @@ table! {
 
 table! {
     /// How radiance becomes a PNG.
-    OutputTable {
+    keyed OutputTable {
         /// "auto" (default) or stops.
         exposure: ExposureValue,
         /// Tone curve, default filmic.
@@ -537,7 +561,7 @@ impl CameraTable {
         check("camera.azimuth", &self.azimuth, finite, "a finite angle in degrees")?;
         check("camera.elevation", &self.elevation, |e| (-90.0..=90.0).contains(e), "degrees from -90 to 90")?;
         check("camera.roll", &self.roll, finite, "a finite angle in degrees")?;
-        check("camera.zoom", &self.zoom, |z| (1e-3..=1e3).contains(z), "a magnification from 0.001 to 1000")?;
+        check("camera.zoom", &self.zoom, |z| (1e-3..=1e3).contains(&z.0), "a magnification from 0.001 to 1000")?;
         check("camera.position", &self.position, finite3, "three finite numbers")?;
         check("camera.look_at", &self.look_at, finite3, "three finite numbers")?;
         check("camera.up", &self.up, direction3, "a finite vector that is not 0")?;
@@ -574,6 +598,86 @@ impl TurntableTable {
     pub fn turns(&self) -> Vec<f64> {
         let (frames, degrees) = (self.frames.unwrap_or(0), self.degrees.unwrap_or(360.0));
         (0..frames).map(|i| degrees * f64::from(i) / f64::from(frames)).collect()
+    }
+}
+
+impl AnimationTable {
+    /// The keys.
+    pub fn keys(&self) -> &[KeyTable] {
+        self.key.as_deref().unwrap_or_default()
+    }
+
+    fn validate(&self) -> Check {
+        let frames = |n: &u32| (1..=MAX_FRAMES).contains(n);
+        check("animation.frames", &self.frames, frames, &format!("a number from 1 to {MAX_FRAMES}"))?;
+        let keys = self.keys();
+        for (i, key) in keys.iter().enumerate() {
+            let path = format!("animation.key.{i}");
+            let frame = |f: &f64| (0.0..f64::from(MAX_FRAMES)).contains(f);
+            let expected = format!("a frame from 0, less than {MAX_FRAMES}");
+            check(&format!("{path}.frame"), &Some(key.frame), frame, &expected)?;
+            if i > 0 && key.frame <= keys[i - 1].frame {
+                let problem = format!("is {}, not after the {} of the key before it", key.frame, keys[i - 1].frame);
+                return Err(FieldError::new(format!("{path}.frame"), problem, "order the keys by frame"));
+            }
+            let below = |e: FieldError| FieldError { field: format!("{path}.{}", e.field), ..e };
+            key.camera.validate().map_err(below)?;
+            key.transfer.validate("transfer.").map_err(below)?;
+            key.medium.validate().map_err(below)?;
+            key.environment.validate().map_err(below)?;
+            key.output.validate().map_err(below)?;
+            for (l, light) in key.light.iter().flatten().enumerate() {
+                light.validate(l).map_err(below)?;
+            }
+            self.check_length(i, "light", |key| Some(key.light.as_ref()?.len()))?;
+            self.check_length(i, "transfer.points", |key| Some(key.transfer.points.as_ref()?.len()))?;
+        }
+        // What other keys give goes on beside what this one gives.
+        for (i, key) in keys.iter().enumerate() {
+            let together = layer_at(keys, key.frame);
+            let below = |e: FieldError| FieldError {
+                field: format!("animation.key.{i}.{}", e.field),
+                problem: format!("{} (with what other keys give)", e.problem),
+                cure: format!("{}, the same in all keys", e.cure),
+            };
+            together.camera.validate().map_err(below)?;
+            for (l, light) in together.light.iter().flatten().enumerate() {
+                light.validate(l).map_err(below)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a list in key `i` that has another length than the last one before it.
+    fn check_length(&self, i: usize, field: &str, length: impl Fn(&KeyTable) -> Option<usize>) -> Check {
+        let keys = self.keys();
+        let before = keys[..i].iter().rev().find_map(&length);
+        match (length(&keys[i]), before) {
+            (Some(here), Some(before)) if here != before => {
+                let problem = format!("has {here} entries, an earlier key {before}");
+                let cure = "give as many in every key, so that each has a way to go";
+                Err(FieldError::new(format!("animation.key.{i}.{field}"), problem, cure))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl MediumTable {
+    fn validate(&self) -> Check {
+        check("medium.g", &self.g, |&g| g > -1.0 && g < 1.0, "a number between -1 and 1, both excluded")?;
+        // f32 is what the GPU gets, and 0.99999999 would be 1 there.
+        check("medium.g", &self.g.map(|g| g as f32), |g| g.abs() < 1.0, "a number further from -1 and 1")?;
+        check("medium.albedo", &self.albedo, unit_rgb, "numbers from 0 to 1")?;
+        check("medium.density", &self.density, non_negative, "a finite number of at least 0")?;
+        check("medium.emission", &self.emission, non_negative, "a finite number of at least 0")
+    }
+}
+
+impl OutputTable {
+    fn validate(&self) -> Check {
+        let exposure_ok = |e: &ExposureValue| !matches!(e.0, Exposure::Stops(s) if !(-100.0..=100.0).contains(&s));
+        check("output.exposure", &self.exposure, exposure_ok, "auto, or stops from -100 to 100")
     }
 }
 
@@ -615,7 +719,10 @@ impl SceneFile {
         let mut scene: Self = from_toml(text, path)?;
         scene.validate().map_err(|e| located(e, text, path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        for file in [&mut scene.volume.file, &mut scene.transfer.file, &mut scene.environment.file] {
+        let keys = scene.animation.key.iter_mut().flatten();
+        let of_keys = keys.flat_map(|key| [&mut key.transfer.file, &mut key.environment.file]);
+        let own = [&mut scene.volume.file, &mut scene.transfer.file, &mut scene.environment.file];
+        for file in own.into_iter().chain(of_keys) {
             *file = file.take().map(|f| folder.join(f));
         }
         Ok(scene)
@@ -633,21 +740,16 @@ impl SceneFile {
         check("preset", &self.preset, known, &format!("one of {}", names.join(", ")))?;
         self.volume.validate()?;
         self.transfer.validate("transfer.")?;
-        check("medium.g", &self.medium.g, |&g| g > -1.0 && g < 1.0, "a number between -1 and 1, both excluded")?;
-        // f32 is what the GPU gets, and 0.99999999 would be 1 there.
-        check("medium.g", &self.medium.g.map(|g| g as f32), |g| g.abs() < 1.0, "a number further from -1 and 1")?;
-        check("medium.albedo", &self.medium.albedo, unit_rgb, "numbers from 0 to 1")?;
-        check("medium.density", &self.medium.density, non_negative, "a finite number of at least 0")?;
-        check("medium.emission", &self.medium.emission, non_negative, "a finite number of at least 0")?;
+        self.medium.validate()?;
         for (i, light) in self.light.iter().flatten().enumerate() {
             light.validate(i)?;
         }
         self.environment.validate()?;
         self.camera.validate()?;
         self.turntable.validate()?;
+        self.animation.validate()?;
         self.render.validate()?;
-        let exposure_ok = |e: &ExposureValue| !matches!(e.0, Exposure::Stops(s) if !(-100.0..=100.0).contains(&s));
-        check("output.exposure", &self.output.exposure, exposure_ok, "auto, or stops from -100 to 100")?;
+        self.output.validate()?;
         let color = self.background.and_then(|b| match b.0 {
             super::Background::Color(c) => Some(Rgb(c.to_array())),
             _ => None,
@@ -671,6 +773,7 @@ impl SceneFile {
             },
             camera: self.camera.lay_over(below.camera),
             turntable: self.turntable.over(below.turntable),
+            animation: self.animation.over(below.animation),
             render: self.render.over(below.render),
             output: self.output.over(below.output),
         }

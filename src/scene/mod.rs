@@ -2,6 +2,7 @@
 //!
 //! World axes are the volume file's physical space, z up by default. Radiance is linear RGB (Rec. 709).
 
+pub mod animation;
 pub mod camera;
 pub mod environment;
 pub mod file;
@@ -10,16 +11,19 @@ mod paraview;
 pub mod presets;
 mod quality;
 mod resolve;
+mod sequence;
 pub mod transfer;
 pub mod values;
 
 pub use overrides::{LightFlag, Overrides, RawFlags};
 pub use quality::Quality;
-pub use resolve::{load_scene, load_scene_text, merge, resolve};
+pub use resolve::{merge, resolve};
+pub use sequence::{Player, Sequence, Shot, files_of, load_scene, load_scene_text};
 pub use values::Mask;
 
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Which light transport is computed (DESIGN section 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize, serde::Serialize)]
@@ -295,7 +299,7 @@ impl Default for Settings {
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The data.
-    pub volume: crate::volume::Volume,
+    pub volume: Arc<crate::volume::Volume>,
     /// Scalar to colour and extinction.
     pub transfer: TransferFunction,
     /// Henyey-Greenstein mean cosine in (−1, 1).
@@ -312,7 +316,8 @@ pub struct Scene {
     pub environment: Option<Environment>,
     /// The camera.
     pub camera: Camera,
-    /// The cameras of a turntable's frames, which light for every view is for; none where they are not known.
+    /// The cameras of all frames that differ from this one by nothing else, which light for every view is for; none where
+    /// they are not known.
     pub views: Vec<Camera>,
     /// What is seen behind the medium.
     pub background: Background,
@@ -324,4 +329,11 @@ pub struct Scene {
     pub tone: ToneCurve,
     /// The scene file, if there was one.
     pub path: Option<PathBuf>,
+}
+
+impl Scene {
+    /// The volume, to be changed; another scene that shares it keeps what it has.
+    pub fn volume_mut(&mut self) -> &mut crate::volume::Volume {
+        Arc::make_mut(&mut self.volume)
+    }
 }

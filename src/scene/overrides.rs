@@ -1,7 +1,7 @@
 //! The command-line flags that change a scene.
 
 use super::file::{LightTable, RawEndian, RawTable, SceneFile};
-use super::values::{BackgroundValue, ExposureValue, Mask, Orders, Rgb, UpAxis, numbers};
+use super::values::{BackgroundValue, ExposureValue, Factor, Mask, Orders, Rgb, UpAxis, numbers};
 use super::{LightFor, Model, Precision, Quality, Sampling, ToneCurve, presets};
 use crate::volume::{RawLayout, ScalarType};
 use crate::{Error, Result};
@@ -308,7 +308,7 @@ impl Overrides {
 
         layer.camera.azimuth = self.azimuth;
         layer.camera.elevation = self.elevation;
-        layer.camera.zoom = self.zoom;
+        layer.camera.zoom = self.zoom.map(Factor);
         layer.camera.fov = self.fov;
 
         layer.turntable.frames = self.turntable;

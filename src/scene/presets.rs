@@ -3,6 +3,7 @@
 
 use super::file::SceneFile;
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// A named layer.
 #[derive(Clone, Copy, Debug)]
@@ -41,11 +42,19 @@ presets! {
     "phantom-cloud": "the phantom of this name",
 }
 
+/// All presets as layers, in the order of [`PRESETS`].
+static LAYERS: LazyLock<Vec<SceneFile>> = LazyLock::new(|| {
+    let layer = |p: &Preset| {
+        let path = format!("preset {}", p.name);
+        SceneFile::parse(p.toml, Path::new(&path)).expect("the presets are tested")
+    };
+    PRESETS.iter().map(layer).collect()
+});
+
 /// The preset of this name, if there is one.
 pub fn find(name: &str) -> Option<SceneFile> {
-    let preset = PRESETS.iter().find(|p| p.name == name)?;
-    let path = format!("preset {name}");
-    Some(SceneFile::parse(preset.toml, Path::new(&path)).expect("the presets are tested"))
+    let at = PRESETS.iter().position(|p| p.name == name)?;
+    Some(LAYERS[at].clone())
 }
 
 /// The names of all presets.

@@ -2,8 +2,7 @@
 
 use super::camera::{self, Framing};
 use super::file::{CameraTable, RenderTable, TransferTable, ValueScale, VolumeTable};
-use super::file::{EnvironmentTable, LightTable, MAX_SPP, OpacityConvention, RawEndian, SceneFile};
-use super::overrides::Overrides;
+use super::file::{EnvironmentTable, LightTable, MAX_SPP, OpacityConvention, OutputTable, RawEndian, SceneFile};
 use super::values::Rgb;
 use super::{Background, Camera, Environment, Exposure, LatLong, Light, LightFor, Model, OpacityUnit, Scene, Settings};
 use super::{ToneCurve, TransferFunction, TransferPoint, UNLIMITED, presets};
@@ -11,6 +10,7 @@ use crate::volume::{self, Grid, RawLayout, Volume};
 use crate::{Error, Result};
 use glam::{DAffine3, DVec3, Vec3};
 use std::path::Path;
+use std::sync::Arc;
 
 /// What is rendered when nothing is named.
 const DEFAULT_SCENE: &str = include_str!("../../scenes/default.toml");
@@ -18,33 +18,14 @@ const DEFAULT_SCENE: &str = include_str!("../../scenes/default.toml");
 /// Seed of `[volume] noise`: part of the volume, so the same whatever the picture's seed.
 const NOISE_SEED: u32 = 0;
 
-/// Reads a scene: the command line over the scene file over presets. Without a scene file and a volume it is the
-/// built-in default scene.
-///
-/// # Errors
-/// A file cannot be read, or a value is out of range; the error names the file and line, or the flag.
-pub fn load_scene(scene_file: Option<&Path>, overrides: &Overrides) -> Result<Scene> {
-    let command_line = overrides.layer()?;
-    let named = command_line.volume.file.is_some() || command_line.volume.phantom.is_some();
-    let file = match scene_file {
-        Some(path) => SceneFile::load(path)?,
-        None if named => SceneFile::default(),
-        None => SceneFile::parse(DEFAULT_SCENE, Path::new("default.toml"))?,
-    };
-    load_layers(command_line, file, scene_file)
-}
-
-/// The same for the text of a scene file; `name` is for errors. Files that it names are relative to the current folder.
-pub fn load_scene_text(text: &str, name: &Path, overrides: &Overrides) -> Result<Scene> {
-    load_layers(overrides.layer()?, SceneFile::parse(text, name)?, None)
-}
-
-fn load_layers(command_line: SceneFile, file: SceneFile, scene_file: Option<&Path>) -> Result<Scene> {
-    let layers = merge(command_line, file)?;
-    let volume = load_volume(&layers.volume, scene_file)?;
-    let mut scene = resolve(layers, volume)?;
-    scene.path = scene_file.map(Path::to_owned);
-    Ok(scene)
+/// The layer of a scene file; without one and without a volume the built-in default scene.
+pub(super) fn file_layer(scene_file: Option<&Path>, command_line: &SceneFile) -> Result<SceneFile> {
+    let is_named = command_line.volume.file.is_some() || command_line.volume.phantom.is_some();
+    match scene_file {
+        Some(path) => SceneFile::load(path),
+        None if is_named => Ok(SceneFile::default()),
+        None => SceneFile::parse(DEFAULT_SCENE, Path::new("default.toml")),
+    }
 }
 
 /// Lays `command_line` over `file`, each over the preset that it names, and checks the result. A scene that names none
@@ -71,7 +52,7 @@ pub fn merge(command_line: SceneFile, file: SceneFile) -> Result<SceneFile> {
 }
 
 /// The volume that a `[volume]` table describes, in world axes with z up and its values' offset applied.
-fn load_volume(table: &VolumeTable, scene_file: Option<&Path>) -> Result<Volume> {
+pub(super) fn load_volume(table: &VolumeTable, scene_file: Option<&Path>) -> Result<Volume> {
     let mut volume = match (&table.file, &table.phantom) {
         (Some(path), _) => {
             if !path.exists() {
@@ -115,8 +96,9 @@ pub(super) fn raw_layout(table: &VolumeTable) -> Result<Option<RawLayout>> {
     }))
 }
 
-/// The scene that layers from [`merge`] describe, for a volume that is already loaded.
-pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
+/// The scene that layers from [`merge`] describe, for a volume that is already loaded; key frames are left out.
+pub fn resolve(layers: SceneFile, volume: impl Into<Arc<Volume>>) -> Result<Scene> {
+    let volume = volume.into();
     let turns = layers.turntable.turns();
     let settings = settings(&layers.render, volume.grid.dims, turns.len())?;
     let camera = camera(&layers.camera, &volume.grid, settings.size, &turns)?;
@@ -132,6 +114,7 @@ pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
     }
     let lights = layers.light.iter().flatten().enumerate();
     let lights = lights.map(|(i, table)| light(table, i, &volume.grid)).collect::<Result<_>>()?;
+    let (exposure, tone) = display(&layers.output);
     Ok(Scene {
         transfer,
         g: layers.medium.g.unwrap_or(0.0) as f32,
@@ -144,11 +127,16 @@ pub fn resolve(layers: SceneFile, volume: Volume) -> Result<Scene> {
         views,
         background: layers.background.map_or(Background::Environment, |b| b.0),
         settings,
-        exposure: layers.output.exposure.map_or(Exposure::Auto, |e| e.0),
-        tone: layers.output.tone.unwrap_or(ToneCurve::Filmic),
+        exposure,
+        tone,
         volume,
         path: None,
     })
+}
+
+/// How radiance becomes a PNG.
+pub(super) fn display(table: &OutputTable) -> (Exposure, ToneCurve) {
+    (table.exposure.map_or(Exposure::Auto, |e| e.0), table.tone.unwrap_or(ToneCurve::Filmic))
 }
 
 /// Camera rays per pixel where none are asked for: so many per voxel if pixels are wider than voxels, to a limit.
@@ -293,9 +281,21 @@ fn environment(table: &EnvironmentTable) -> Result<Option<Environment>> {
     Ok((radiance != Vec3::ZERO).then_some(Environment::Constant(radiance)))
 }
 
-fn camera(table: &CameraTable, grid: &Grid, size: [u32; 2], turns: &[f64]) -> Result<Camera> {
+/// The angles of a camera that frames the volume by itself.
+pub(super) fn framing(table: &CameraTable) -> Framing {
     let default = Framing::default();
-    let fov = table.fov.unwrap_or(default.fov);
+    Framing {
+        azimuth: table.azimuth.unwrap_or(default.azimuth),
+        elevation: table.elevation.unwrap_or(default.elevation),
+        roll: table.roll.unwrap_or(default.roll),
+        zoom: table.zoom.map_or(default.zoom, |z| z.0),
+        fov: table.fov.unwrap_or(default.fov),
+    }
+}
+
+/// The camera, or the first of a turntable.
+pub(super) fn camera(table: &CameraTable, grid: &Grid, size: [u32; 2], turns: &[f64]) -> Result<Camera> {
+    let framing = framing(table);
     if let Some(position) = table.position {
         let (lo, hi) = grid.world_bounds();
         let position = DVec3::from(position);
@@ -305,19 +305,12 @@ fn camera(table: &CameraTable, grid: &Grid, size: [u32; 2], turns: &[f64]) -> Re
             let problem = format!("no line of sight leads from {position} to {target}");
             return Err(Error::input("scene: field 'camera.look_at'", problem, "let it differ from 'position'"));
         }
-        return Ok(camera::look_at(position, target, table.up.map_or(DVec3::Z, DVec3::from), fov));
+        return Ok(camera::look_at(position, target, table.up.map_or(DVec3::Z, DVec3::from), framing.fov));
     }
     if table.look_at.is_some() || table.up.is_some() {
         let cure = "give the camera's 'position' too, or frame by azimuth and elevation";
         return Err(Error::input("scene: field 'camera'", "has 'look_at' or 'up' but no 'position'", cure));
     }
-    let framing = Framing {
-        azimuth: table.azimuth.unwrap_or(default.azimuth),
-        elevation: table.elevation.unwrap_or(default.elevation),
-        roll: table.roll.unwrap_or(default.roll),
-        zoom: table.zoom.unwrap_or(default.zoom),
-        fov,
-    };
     Ok(if turns.is_empty() {
         camera::frame(grid, &framing, size)
     } else {

@@ -11,6 +11,11 @@ use std::str::FromStr;
 #[serde(try_from = "RgbNotation")]
 pub struct Rgb(pub [f32; 3]);
 
+/// A factor greater than 0. On its way from one key frame to the next it gains by equal ratios.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(transparent)]
+pub struct Factor(pub f64);
+
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a number, [r, g, b] or \"#rrggbb\"")]
 enum RgbNotation {

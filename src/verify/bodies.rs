@@ -49,7 +49,8 @@ pub fn homogeneous(grid: Grid, extinction: f64, albedo: Vec3) -> Scene {
             data: VoxelData::F32(vec![1.0; grid.voxels() as usize]),
             slope: 1.0,
             intercept: 0.0,
-        },
+        }
+        .into(),
         g: 0.0,
         albedo_scale: Vec3::ONE,
         density_scale: 1.0,

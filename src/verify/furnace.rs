@@ -34,7 +34,7 @@ fn unlimited(bench: &mut Bench<'_>) -> Result<()> {
     for (extinction, g) in [(1.0, 0.0), (50.0, 0.9), (50.0, -0.5), (8.0, 0.999), (8.0, -0.999), (8.0, 1e-6)] {
         for (place, origin) in [("outside", [-2.0, 0.5, 0.4]), ("inside", [0.7, 0.6, 0.5])] {
             let mut scene = furnace(homogeneous(grid, extinction, Vec3::ONE), Model::Path, UNLIMITED);
-            scene.volume.data = VoxelData::F32(values.clone());
+            scene.volume_mut().data = VoxelData::F32(values.clone());
             scene.g = g;
             aim(&mut scene, origin, [1.0, 0.1, 0.2], [16, 16]);
             let pixels = bench.trace(&scene, 16)?.picture.pixels;

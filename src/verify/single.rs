@@ -75,8 +75,8 @@ pub(super) fn run(bench: &mut Bench<'_>) -> Result<()> {
             scene.g = g as f32;
             // Thin voxels: steps are measured in them.
             let layers = 8;
-            scene.volume.grid = Grid::axis_aligned([1, 1, layers], [1e3, 1e3, 0.125], [0.0, 0.0, 0.0625]);
-            scene.volume.data = crate::volume::VoxelData::F32(vec![1.0; layers as usize]);
+            scene.volume_mut().grid = Grid::axis_aligned([1, 1, layers], [1e3, 1e3, 0.125], [0.0, 0.0, 0.0625]);
+            scene.volume_mut().data = crate::volume::VoxelData::F32(vec![1.0; layers as usize]);
             beam(&mut scene, mu0);
             look(&mut scene, is_reflected, mu, phi);
             let side = if is_reflected { "reflected" } else { "transmitted" };

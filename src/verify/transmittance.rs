@@ -86,7 +86,7 @@ fn towards_a_light(bench: &mut Bench<'_>) -> Result<()> {
     for tau in [1e-3, 0.1, 1.0, 3.0, 6.0] {
         let extinction = tau / above(z);
         let mut scene = homogeneous(grid, extinction, Vec3::ONE);
-        scene.volume.data = VoxelData::F32(values.clone());
+        scene.volume_mut().data = VoxelData::F32(values.clone());
         scene.lights.push(sun([0.0, 0.0, -1.0]));
         scene.settings.orders = 1;
         aim(&mut scene, [-1.0, 0.4, z], [1.0, 0.0, 0.0], PENCIL);

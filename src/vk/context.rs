@@ -2,8 +2,9 @@
 
 use super::buffer::{Buffer, Filter, RawBuffer};
 use super::image::{Image, ImageFormat, RawImage};
+use super::pipeline::PipelineStore;
 use super::pipeline_cache::CacheFile;
-use super::recorder::Recorder;
+use super::recorder::{Recorder, Submission};
 use super::statistics::{self, KernelStatistics};
 use super::validation::{self, LayerSettings, Message, Severity, Sink, Validation};
 use crate::shaders::constants;
@@ -13,6 +14,7 @@ use bytemuck::Pod;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 use std::ffi::CStr;
+use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -235,11 +237,29 @@ impl Drop for DeviceShared {
     }
 }
 
+/// Texels on their way from an image to the host.
+#[must_use = "dropping it waits for it"]
+pub struct ImageReadBack<T> {
+    submission: Submission,
+    staging: Arc<RawBuffer>,
+    bytes: usize,
+    texel: PhantomData<T>,
+}
+
+impl<T: Pod> ImageReadBack<T> {
+    /// The texels, x fastest.
+    pub fn wait(self) -> Result<Vec<T>> {
+        self.submission.wait()?;
+        Ok(bytemuck::cast_slice(&self.staging.mapped()[..self.bytes]).to_vec())
+    }
+}
+
 /// A device ready for use.
 pub struct Context {
     shared: Arc<DeviceShared>,
     info: DeviceInfo,
     validation: Validation,
+    pipelines: PipelineStore,
 }
 
 struct Instance {
@@ -737,7 +757,7 @@ impl Context {
             bytes_peak: AtomicU64::new(0),
             ids: AtomicU64::new(1),
         };
-        Ok(Self { shared: Arc::new(shared), info: probe.info, validation })
+        Ok(Self { shared: Arc::new(shared), info: probe.info, validation, pipelines: PipelineStore::default() })
     }
 
     pub(super) fn shared(&self) -> &Arc<DeviceShared> {
@@ -837,6 +857,10 @@ impl Context {
         self.shared.cache_file.as_ref().map_or(Ok(None), |file| file.kept(prefix, make))
     }
 
+    pub(super) fn pipeline_store(&self) -> &PipelineStore {
+        &self.pipelines
+    }
+
     /// Largest number of bytes of device memory in use at one time so far.
     pub fn peak_bytes(&self) -> u64 {
         self.shared.bytes_peak.load(Ordering::Relaxed)
@@ -932,25 +956,34 @@ impl Context {
 
     /// The texels of an image, x fastest, once the device has finished everything submitted.
     pub fn read_back_image<T: Pod>(&self, image: &Image) -> Result<Vec<T>> {
-        assert_eq!(size_of::<T>() as u64, image.format().bytes(), "texel type of '{}'", image.name());
         let mut texels = Vec::with_capacity((image.bytes() / image.format().bytes()) as usize);
-        let layer = u64::from(image.extent()[0]) * u64::from(image.extent()[1]) * image.format().bytes();
         for range in layer_chunks(image) {
-            let bytes = layer * range.len() as u64;
-            let staging = Arc::new(RawBuffer::new(&self.shared, "staging.read_back", bytes, MemoryLocation::GpuToCpu)?);
-            let mut recorder = Recorder::new(self)?;
-            recorder.copy_image_to_buffer(&image.raw, &staging, range);
-            recorder.host_read(&staging);
-            recorder.submit_and_wait()?;
-            texels.extend_from_slice(bytemuck::cast_slice(&staging.mapped()[..bytes as usize]));
+            texels.extend(self.begin_read_back::<T>(image, range)?.wait()?);
         }
         Ok(texels)
+    }
+
+    /// Begins to read back all texels of an image, as everything submitted so far leaves them. What is submitted afterwards
+    /// may change the image.
+    pub fn begin_read_back_image<T: Pod>(&self, image: &Image) -> Result<ImageReadBack<T>> {
+        self.begin_read_back(image, 0..image.extent()[2])
+    }
+
+    fn begin_read_back<T: Pod>(&self, image: &Image, layers: std::ops::Range<u32>) -> Result<ImageReadBack<T>> {
+        assert_eq!(size_of::<T>() as u64, image.format().bytes(), "texel type of '{}'", image.name());
+        let layer = u64::from(image.extent()[0]) * u64::from(image.extent()[1]) * image.format().bytes();
+        let bytes = layer * layers.len() as u64;
+        let staging = Arc::new(RawBuffer::new(&self.shared, "staging.read_back", bytes, MemoryLocation::GpuToCpu)?);
+        let mut recorder = Recorder::new(self)?;
+        recorder.copy_image_to_buffer(&image.raw, &staging, layers);
+        recorder.host_read(&staging);
+        Ok(ImageReadBack { submission: recorder.submit()?, staging, bytes: bytes as usize, texel: PhantomData })
     }
 
     /// Waits for the device (unless it is borrowed), checks for leaks, tears everything down, and returns every message there
     /// was, the teardown's included.
     pub fn close(self) -> Vec<Message> {
-        let Self { shared, .. } = self;
+        let Self { shared, pipelines, .. } = self;
         // The owner of a borrowed device has waited: its queues are not ours to touch.
         if shared.own.is_some() {
             // SAFETY: the device is alive; waiting is always allowed from the one thread that owns the context.
@@ -958,6 +991,7 @@ impl Context {
                 shared.report(Severity::Error, "TYNDALL-DEVICE", &format!("vkDeviceWaitIdle: {result}"));
             }
         }
+        drop(pipelines);
         let report = shared.allocator().as_ref().map(Allocator::generate_report);
         for allocation in report.into_iter().flat_map(|r| r.allocations) {
             shared.report(

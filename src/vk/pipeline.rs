@@ -4,7 +4,7 @@ use super::context::{Context, DeviceShared};
 use crate::shaders::{BindingKind, LocalSize, ShaderInfo};
 use crate::{Error, Result};
 use ash::vk;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 pub(super) struct RawPipeline {
@@ -33,10 +33,50 @@ pub struct Pipeline {
     local_size: [u32; 3],
 }
 
+/// Pipelines that a context keeps: scenes that follow each other use mostly the same, and a driver may take seconds to compile
+/// them. What was not used for long makes room.
+#[derive(Default)]
+pub(super) struct PipelineStore(Mutex<Vec<(Constants, Pipeline)>>);
+
+/// Values by name, sorted.
+type Constants = Vec<(String, u32)>;
+
+/// A picture takes some thirty.
+const MOST_KEPT: usize = 256;
+
+impl PipelineStore {
+    fn find(&self, shader: &'static ShaderInfo, constants: &Constants) -> Option<Pipeline> {
+        let mut kept = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        let is_it = |(c, p): &(Constants, Pipeline)| std::ptr::eq(p.raw.shader, shader) && c == constants;
+        let at = kept.iter().position(is_it)?;
+        let found = kept.remove(at);
+        kept.push(found);
+        kept.last().map(|(_, pipeline)| pipeline.clone())
+    }
+
+    fn keep(&self, constants: Constants, pipeline: Pipeline) {
+        let mut kept = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        kept.push((constants, pipeline));
+        let too_many = kept.len().saturating_sub(MOST_KEPT);
+        kept.drain(..too_many);
+    }
+}
+
 impl Pipeline {
-    /// Makes a pipeline. `specialization` sets constants by their GLSL names (`WORKGROUP` for `local_size_x_id`);
-    /// the others keep their defaults. A name that the shader does not have is a panic.
+    /// Makes a pipeline, or takes the one that the context keeps. `specialization` sets constants by their GLSL names
+    /// (`WORKGROUP` for `local_size_x_id`); the others keep their defaults. A name that the shader does not have is a panic.
     pub fn new(ctx: &Context, shader: &'static ShaderInfo, specialization: &[(&str, u32)]) -> Result<Self> {
+        let mut constants: Constants = specialization.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
+        constants.sort();
+        if let Some(pipeline) = ctx.pipeline_store().find(shader, &constants) {
+            return Ok(pipeline);
+        }
+        let pipeline = Self::make(ctx, shader, specialization)?;
+        ctx.pipeline_store().keep(constants, pipeline.clone());
+        Ok(pipeline)
+    }
+
+    fn make(ctx: &Context, shader: &'static ShaderInfo, specialization: &[(&str, u32)]) -> Result<Self> {
         let device = ctx.shared();
         let error = |operation| move |result| Error::Vulkan { operation, object: shader.name.to_owned(), result };
         let bindings: Vec<_> = shader

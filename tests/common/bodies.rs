@@ -91,7 +91,7 @@ pub fn scene_of(grid: Grid, values: Vec<f32>) -> Scene {
                 intensity: Vec3::new(3.0, 2.0, 1.0) * (extent * extent) as f32,
             },
         ],
-        volume: volume(grid, values),
+        volume: volume(grid, values).into(),
         g: 0.0,
         albedo_scale: Vec3::new(0.9, 1.0, 0.8),
         density_scale: 1.0,
@@ -116,7 +116,7 @@ pub fn cloud(size: [u32; 2]) -> Scene {
 
 /// Turns volume, camera and delta lights. The sky stays.
 pub fn turn_scene(scene: &mut Scene, turn: DMat3) {
-    let grid = &mut scene.volume.grid;
+    let grid = &mut scene.volume_mut().grid;
     grid.index_to_world = DAffine3::from_mat3(turn) * grid.index_to_world;
     let c = scene.camera;
     let [position, forward, right, up] = [c.position, c.forward, c.right, c.up].map(|v| turn * v);

@@ -38,6 +38,6 @@ pub fn ball(n: u32, optical_radius: f64) -> Scene {
         (0..FINE.pow(3)).filter(|&k| place(k).length() < 1.0).count() as f32 / FINE.pow(3) as f32
     };
     let mut scene = homogeneous(grid, optical_radius, Vec3::ONE);
-    scene.volume.data = VoxelData::F32((0..dims.pow(3)).map(share).collect());
+    scene.volume_mut().data = VoxelData::F32((0..dims.pow(3)).map(share).collect());
     scene
 }
