@@ -5,7 +5,7 @@ mod place;
 
 use place::{Place, text};
 use std::fs;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 /// A turntable of four small frames, g ≠ 0, with light of every kind.
@@ -299,8 +299,7 @@ fn what_is_killed_goes_on() {
 fn ctrl_c_leaves_whole_frames() {
     let place = Place::new();
     let child = begun(&place);
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(sent.success());
+    place::interrupt(&child);
     let output = child.wait_with_output().unwrap();
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{stderr}");

@@ -3,10 +3,12 @@
 #[path = "common/place.rs"]
 mod place;
 
+#[cfg(unix)]
+use place::interrupt;
 use place::{Place, text};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use tyndall::output::{self, BitDepth, Picture, PngOptions};
 use tyndall::scene::{Exposure, ToneCurve};
@@ -512,11 +514,19 @@ fn interrupt_leaves_no_file() {
     // Long enough that the interrupt surely comes first.
     let args = ["-o", "a.png", "--stats", "s.json", "--size", "2048x2048", "--spp", "64", "--orders", "8"];
     let args = [&["render", "--volume", PHANTOM], &args[..]].concat();
-    let mut child = place.command(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    std::thread::sleep(std::time::Duration::from_millis(500));
-    assert!(child.try_wait().unwrap().is_none(), "the render ended before the interrupt");
-    // The shell's own kill: a bare system has no other.
-    assert!(Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap().success());
-    assert!(!child.wait().unwrap().success());
-    assert!(place.files().is_empty(), "{:?}", place.files());
+    for wait in [500, 2000, 8000] {
+        let child = place.command(&args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait));
+        interrupt(&child);
+        let output = child.wait_with_output().unwrap();
+        assert!(place.files().is_empty(), "{:?}", place.files());
+        // Before the render begins the system ends the program.
+        if output.status.code().is_some() {
+            let stderr = text(&output.stderr);
+            assert_eq!(output.status.code(), Some(130), "{stderr}");
+            assert!(stderr.contains("stopped before it was done"), "{stderr}");
+            return;
+        }
+    }
+    panic!("the render did not begin within 8 seconds");
 }
