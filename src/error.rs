@@ -103,6 +103,16 @@ pub enum Error {
         /// All checks.
         count: usize,
     },
+    /// Cases of `tyndall check` failed.
+    #[error(
+        "{failed} of {count} cases failed\n  cure: see the messages above; report them if they stay with another driver"
+    )]
+    Cases {
+        /// Cases that failed.
+        failed: usize,
+        /// All cases.
+        count: usize,
+    },
     /// Frames of a batch failed; each was named when it did.
     #[error("{failed} of {count} frames failed\n  cure: see the warnings above; start again to render what is missing")]
     Frames {

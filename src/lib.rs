@@ -2,6 +2,7 @@
 
 pub mod abi;
 pub mod bench;
+pub mod check;
 pub mod cli;
 pub mod cpu;
 pub mod error;

@@ -2,6 +2,7 @@
 
 pub mod batch;
 pub mod bench;
+pub mod check;
 pub mod compare;
 pub mod devices;
 pub mod inspect;
@@ -37,6 +38,7 @@ enum Command {
     Merge(merge::Args),
     Tradeoff(Box<tradeoff::Args>),
     Verify(verify::Args),
+    Check(check::Args),
     Bench(bench::Args),
     Devices(devices::Args),
 }
@@ -52,6 +54,7 @@ impl Cli {
             Command::Merge(args) => merge::run(args),
             Command::Tradeoff(args) => tradeoff::run(args),
             Command::Verify(args) => verify::run(args),
+            Command::Check(args) => check::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Devices(args) => devices::run(args),
         }
@@ -120,7 +123,7 @@ impl DeviceArgs {
     pub fn config(&self) -> ContextConfig {
         // Validation shall see every pipeline compiled.
         let cache_dir = if self.validate == Validation::Off { user_cache_dir() } else { None };
-        ContextConfig { device: self.device.clone(), validation: self.validate, cache_dir, kernel_statistics: false }
+        ContextConfig { device: self.device.clone(), validation: self.validate, cache_dir, ..ContextConfig::default() }
     }
 }
 

@@ -66,6 +66,13 @@ impl Access {
     }
 }
 
+/// The stages of all kinds but the host's, whose reads wait for the submission's end.
+pub(super) const ALL_STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
+    vk::PipelineStageFlags2::COMPUTE_SHADER.as_raw()
+        | vk::PipelineStageFlags2::DRAW_INDIRECT.as_raw()
+        | vk::PipelineStageFlags2::ALL_TRANSFER.as_raw(),
+);
+
 /// Kinds whose commands run in the stages of the kinds in `bits`: an execution dependency covers whole stages.
 fn same_stages(bits: u8) -> u8 {
     let mut all = bits;

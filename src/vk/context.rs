@@ -2,7 +2,8 @@
 
 use super::buffer::{Buffer, Filter, RawBuffer};
 use super::image::{Image, ImageFormat, RawImage};
-use super::pipeline::PipelineStore;
+use super::injection::{Faults, Injection};
+use super::pipeline::{KernelForm, PipelineStore};
 use super::pipeline_cache::CacheFile;
 use super::recorder::{Recorder, Submission};
 use super::statistics::{self, KernelStatistics};
@@ -33,6 +34,8 @@ pub struct ContextConfig {
     pub cache_dir: Option<PathBuf>,
     /// Whether to ask the driver about the kernels that it compiles.
     pub kernel_statistics: bool,
+    /// A fault to put into what is recorded.
+    pub injection: Option<Injection>,
 }
 
 /// A device as `tyndall devices` shows it.
@@ -90,7 +93,7 @@ pub(super) struct Own {
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     instance: ash::Instance,
     // Function pointers die with the entry: it goes last.
-    _entry: ash::Entry,
+    entry: ash::Entry,
 }
 
 /// What every Vulkan object holds on to.
@@ -116,6 +119,7 @@ pub(super) struct DeviceShared {
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
     pub(super) checks_hazards: bool,
     pub(super) is_gpu_assisted: bool,
+    pub(super) faults: Faults,
     pub(super) sink: Arc<Sink>,
     max_allocation: u64,
     bytes_now: AtomicU64,
@@ -289,6 +293,7 @@ fn create_instance(validation: Validation) -> Result<Instance> {
     match validation {
         Validation::Off => {}
         Validation::CoreAndSync => enables.push(vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION),
+        Validation::BestPractices => enables.push(vk::ValidationFeatureEnableEXT::BEST_PRACTICES),
         Validation::GpuAssisted => {
             enables.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED);
             enables.push(vk::ValidationFeatureEnableEXT::GPU_ASSISTED_RESERVE_BINDING_SLOT);
@@ -312,6 +317,7 @@ fn create_instance(validation: Validation) -> Result<Instance> {
             setting(c"syncval_submit_time_validation", ON),
             setting(c"syncval_shader_accesses_heuristic", ON),
         ],
+        Validation::BestPractices => vec![setting(c"validate_best_practices", ON)],
         // The layer warns when it is asked for core checks beside, and where a device lacks what an enabled check needs.
         Validation::GpuAssisted => vec![
             setting(c"validate_core", OFF),
@@ -597,6 +603,7 @@ struct Parts<'a> {
     debug: Option<ash::ext::debug_utils::Device>,
     executables: Option<ash::khr::pipeline_executable_properties::Device>,
     validation: Validation,
+    injection: Option<Injection>,
     sink: Arc<Sink>,
     own: Option<Own>,
 }
@@ -659,6 +666,7 @@ impl Context {
             device,
             probe,
             validation: config.validation,
+            injection: config.injection,
             sink: instance.sink,
             own: Some(Own {
                 queue: Mutex::new(queue),
@@ -667,7 +675,7 @@ impl Context {
                 samplers,
                 messenger: instance.messenger,
                 instance: instance.raw,
-                _entry: instance.entry,
+                entry: instance.entry,
             }),
         };
         Self::assemble(parts)
@@ -706,13 +714,15 @@ impl Context {
             debug: None,
             executables: None,
             validation: Validation::Off,
+            injection: None,
             sink: Arc::default(),
             own: None,
         })
     }
 
     fn assemble(parts: Parts<'_>) -> Result<Self> {
-        let Parts { instance, physical, device, probe, cache_dir, debug, executables, validation, sink, own } = parts;
+        let Parts { instance, physical, device, probe, cache_dir, debug, executables, .. } = parts;
+        let Parts { validation, injection, sink, own, .. } = parts;
         // Leaks are reported by `close`, as failures; a log line more would help nobody.
         let mut debug_settings = AllocatorDebugSettings::default();
         debug_settings.log_leaks_on_shutdown = false;
@@ -751,6 +761,7 @@ impl Context {
             debug,
             is_gpu_assisted: validation == Validation::GpuAssisted,
             checks_hazards: cfg!(debug_assertions) || validation != Validation::Off,
+            faults: Faults::new(injection),
             sink,
             max_allocation: probe.max_allocation,
             bytes_now: AtomicU64::new(0),
@@ -859,6 +870,22 @@ impl Context {
 
     pub(super) fn pipeline_store(&self) -> &PipelineStore {
         &self.pipelines
+    }
+
+    /// Every kernel that was made so far with the constants that it was given, sorted by name: each form once.
+    pub fn kernels(&self) -> Vec<KernelForm> {
+        self.pipelines.forms()
+    }
+
+    /// Version of the validation layer, where it is on.
+    pub fn layer_version(&self) -> Option<String> {
+        let own = self.shared.own.as_ref().filter(|_| self.validation != Validation::Off)?;
+        validation::layer_version(&own.entry)
+    }
+
+    /// Bytes of device memory in use.
+    pub fn bytes(&self) -> u64 {
+        self.shared.bytes_now.load(Ordering::Relaxed)
     }
 
     /// Largest number of bytes of device memory in use at one time so far.

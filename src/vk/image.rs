@@ -1,5 +1,6 @@
 //! Images: voxel fields (3D) and pictures (2D). They stay in the GENERAL layout for their whole life.
 
+use super::access::ALL_STAGES;
 use super::buffer::{Bind, Filter};
 use super::context::DeviceShared;
 use crate::{Error, Result};
@@ -145,7 +146,7 @@ pub(super) const WHOLE: vk::ImageSubresourceRange = vk::ImageSubresourceRange {
 /// UNDEFINED to GENERAL: the only layout change there is.
 pub(super) fn init_barrier(image: vk::Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default()
-        .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        .dst_stage_mask(ALL_STAGES)
         .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
         .old_layout(vk::ImageLayout::UNDEFINED)
         .new_layout(vk::ImageLayout::GENERAL)

@@ -4,6 +4,7 @@ use super::context::{Context, DeviceShared};
 use crate::shaders::{BindingKind, LocalSize, ShaderInfo};
 use crate::{Error, Result};
 use ash::vk;
+use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -36,17 +37,29 @@ pub struct Pipeline {
 /// Pipelines that a context keeps: scenes that follow each other use mostly the same, and a driver may take seconds to compile
 /// them. What was not used for long makes room.
 #[derive(Default)]
-pub(super) struct PipelineStore(Mutex<Vec<(Constants, Pipeline)>>);
+pub(super) struct PipelineStore {
+    kept: Mutex<Vec<(Constants, Pipeline)>>,
+    made: Mutex<BTreeSet<KernelForm>>,
+}
 
 /// Values by name, sorted.
 type Constants = Vec<(String, u32)>;
+
+/// A kernel with the values of its specialization constants, by name; those that kept their defaults are not there.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct KernelForm {
+    /// Name of the shader.
+    pub name: &'static str,
+    /// Constants, sorted.
+    pub constants: Vec<(String, u32)>,
+}
 
 /// A picture takes some thirty.
 const MOST_KEPT: usize = 256;
 
 impl PipelineStore {
     fn find(&self, shader: &'static ShaderInfo, constants: &Constants) -> Option<Pipeline> {
-        let mut kept = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        let mut kept = self.kept.lock().unwrap_or_else(|e| e.into_inner());
         let is_it = |(c, p): &(Constants, Pipeline)| std::ptr::eq(p.raw.shader, shader) && c == constants;
         let at = kept.iter().position(is_it)?;
         let found = kept.remove(at);
@@ -55,10 +68,16 @@ impl PipelineStore {
     }
 
     fn keep(&self, constants: Constants, pipeline: Pipeline) {
-        let mut kept = self.0.lock().unwrap_or_else(|e| e.into_inner());
+        let mut kept = self.kept.lock().unwrap_or_else(|e| e.into_inner());
+        let form = KernelForm { name: pipeline.name(), constants: constants.clone() };
         kept.push((constants, pipeline));
         let too_many = kept.len().saturating_sub(MOST_KEPT);
         kept.drain(..too_many);
+        self.made.lock().unwrap_or_else(|e| e.into_inner()).insert(form);
+    }
+
+    pub(super) fn forms(&self) -> Vec<KernelForm> {
+        self.made.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().collect()
     }
 }
 

@@ -1,15 +1,17 @@
 //! Explicit recording: dispatches, copies, barriers that name both accesses, labels, timestamps, submission.
 
-use super::access::{Access, HazardTracker};
+use super::access::{ALL_STAGES, Access, HazardTracker};
 use super::buffer::{Bind, Buffer, HostWords, RawBuffer};
 use super::context::{Context, DeviceShared};
 use super::image::{Image, RawImage, init_barrier};
+use super::injection::Injection;
 use super::pipeline::{Pipeline, RawPipeline, descriptor_type};
 use super::validation::Severity;
 use crate::shaders::{BindingAccess, BindingKind};
 use crate::{Error, Result};
 use ash::vk;
 use bytemuck::Pod;
+use gpu_allocator::MemoryLocation;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -196,7 +198,8 @@ impl Recorder {
 
     fn timestamp(&mut self, query: u32) {
         if self.queries != vk::QueryPool::null() && query < 2 * MAX_PASSES {
-            let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
+            // What is before has ended.
+            let stage = vk::PipelineStageFlags2::BOTTOM_OF_PIPE;
             // SAFETY: the query was reset above and is written once.
             unsafe { self.device.raw.cmd_write_timestamp2(self.commands, stage, self.queries, query) };
         }
@@ -221,6 +224,9 @@ impl Recorder {
     /// Orders everything recorded before with access `from` before everything recorded later with access `to`, and
     /// makes the writes among them visible.
     pub fn barrier(&mut self, from: Access, to: Access) {
+        if self.device.faults.is(Injection::MissingBarrier) {
+            return;
+        }
         if let Some(tracker) = &mut self.tracker {
             tracker.barrier(from, to);
         }
@@ -247,9 +253,14 @@ impl Recorder {
         if groups.contains(&0) {
             return;
         }
+        self.dispatch_out_of_bounds(pipeline, binds, bytemuck::bytes_of(push), groups);
         self.prepare(pipeline, binds, bytemuck::bytes_of(push));
         // SAFETY: pipeline, set and push constants are set; the counts are within the limits.
         unsafe { self.device.raw.cmd_dispatch(self.commands, groups[0], groups[1], groups[2]) };
+        let writes = pipeline.raw.shader.bindings.iter().any(|b| b.access == BindingAccess::Write);
+        if writes && self.device.faults.strikes(Injection::WriteAfterWrite) {
+            self.dispatch(pipeline, binds, push, groups);
+        }
     }
 
     /// Like [`Self::dispatch`], with the workgroup counts read from three words of `args` at element `offset`.
@@ -269,6 +280,48 @@ impl Recorder {
         self.keep.push(Keep::Buffer(args.raw.clone()));
         // SAFETY: the arguments lie inside a buffer with INDIRECT usage, at a multiple of 4.
         unsafe { self.device.raw.cmd_dispatch_indirect(self.commands, args.raw.handle, offset) };
+    }
+
+    /// Puts in a dispatch that goes before the one given, to write buffers of a word instead of its own, where the device's
+    /// fault is this. GPU-assisted validation, under which alone it is, keeps the writes from happening. (Layer 1.3.239 goes by
+    /// the size of buffers, not by a descriptor's range.)
+    fn dispatch_out_of_bounds(
+        &mut self,
+        pipeline: &Pipeline,
+        binds: &[(&str, Bind<'_>)],
+        push: &[u8],
+        groups: [u32; 3],
+    ) {
+        let faults = &self.device.faults;
+        if !faults.is(Injection::OutOfBounds) {
+            return;
+        }
+        let access_of = |name: &str| {
+            let binding = pipeline.raw.shader.bindings.iter().find(|b| b.name == name);
+            binding.map_or(BindingAccess::Read, |b| b.access)
+        };
+        let is_written = |(name, bind): &(&str, Bind<'_>)| match bind {
+            Bind::Buffer(..) => access_of(name) != BindingAccess::Read,
+            _ => false,
+        };
+        let is_large = |bind: &Bind<'_>| matches!(bind, Bind::Buffer(_, range) if range.end - range.start > 64);
+        let writes_images = |(name, bind): &(&str, Bind<'_>)| {
+            matches!(bind, Bind::Storage(_)) && access_of(name) != BindingAccess::Read
+        };
+        let fits = binds.iter().any(|b| is_written(b) && is_large(&b.1)) && !binds.iter().any(writes_images);
+        if !fits || !faults.strikes(Injection::OutOfBounds) {
+            return;
+        }
+        let Ok(small) = RawBuffer::new(&self.device, "injected", 4, MemoryLocation::GpuOnly).map(Arc::new) else {
+            return;
+        };
+        let swapped: Vec<_> = binds
+            .iter()
+            .map(|bind| if is_written(bind) { (bind.0, Bind::Buffer(&small, 0..4)) } else { bind.clone() })
+            .collect();
+        self.prepare(pipeline, &swapped, push);
+        // SAFETY: as in `dispatch`; what the kernel writes beyond the buffer the layer leaves out.
+        unsafe { self.device.raw.cmd_dispatch(self.commands, groups[0], groups[1], groups[2]) };
     }
 
     fn prepare(&mut self, pipeline: &Pipeline, binds: &[(&str, Bind<'_>)], push: &[u8]) {
@@ -365,13 +418,18 @@ impl Recorder {
         };
         let mut buffers = Vec::with_capacity(binds.len());
         let mut images = Vec::with_capacity(binds.len());
+        let mut stale = None;
         for (_, bind) in binds {
             match bind {
-                Bind::Buffer(b, range) => buffers.push([vk::DescriptorBufferInfo {
-                    buffer: b.handle,
-                    offset: range.start,
-                    range: range.end - range.start,
-                }]),
+                Bind::Buffer(b, range) => {
+                    let mut descriptor = vk::DescriptorBufferInfo {
+                        buffer: b.handle,
+                        offset: range.start,
+                        range: range.end - range.start,
+                    };
+                    stale = stale.or(self.inject(b, &mut descriptor));
+                    buffers.push([descriptor]);
+                }
                 Bind::Sampled(i, filter) => images.push([vk::DescriptorImageInfo {
                     sampler: self.device.sampler(*filter),
                     image_view: i.view,
@@ -404,9 +462,25 @@ impl Recorder {
         }
         // SAFETY: the set is new and unused; every handle is alive and kept.
         unsafe { self.device.raw.update_descriptor_sets(&writes, &[]) };
+        drop(stale);
         self.keep.push(Keep::Pipeline(pipeline.raw.clone()));
         self.sets.insert(key, set);
         Some(set)
+    }
+
+    /// Puts the device's fault into a descriptor of `buffer`, if it is one of descriptors. What is returned is to be freed when
+    /// the descriptor is written.
+    fn inject(&self, buffer: &Arc<RawBuffer>, descriptor: &mut vk::DescriptorBufferInfo) -> Option<RawBuffer> {
+        let faults = &self.device.faults;
+        if faults.strikes(Injection::Leak) {
+            std::mem::forget(buffer.clone());
+        }
+        if !faults.strikes(Injection::StaleDescriptor) {
+            return None;
+        }
+        let stale = RawBuffer::new(&self.device, "injected", descriptor.range, MemoryLocation::GpuOnly).ok()?;
+        (descriptor.buffer, descriptor.offset) = (stale.handle, 0);
+        Some(stale)
     }
 
     fn track(&mut self, id: u64, name: &str, range: std::ops::Range<u64>, access: Access, command: &str) {
@@ -547,6 +621,10 @@ impl Recorder {
     /// timeline orders all memory accesses, so no barrier is needed across submissions.
     pub fn submit(mut self) -> Result<Submission> {
         self.check()?;
+        if self.device.faults.have_struck(Injection::StaleDescriptor) {
+            let problem = "its descriptor is stale, as was asked for".into();
+            return Err(Error::Device { pass: "injection", problem });
+        }
         let error = |operation| move |result| Error::Vulkan { operation, object: "submission".into(), result };
         let device = self.device.clone();
         let own = device.own.as_ref().expect("a borrowed command buffer is submitted by its owner");
@@ -554,12 +632,8 @@ impl Recorder {
         // SAFETY: the command buffer is recording.
         unsafe { device.raw.end_command_buffer(self.commands) }.map_err(error("vkEndCommandBuffer"))?;
         let before = own.timeline_value.load(Ordering::Relaxed);
-        let semaphore = |value| {
-            vk::SemaphoreSubmitInfo::default()
-                .semaphore(own.timeline)
-                .value(value)
-                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
-        };
+        let semaphore =
+            |value| vk::SemaphoreSubmitInfo::default().semaphore(own.timeline).value(value).stage_mask(ALL_STAGES);
         let (waits, signals) = ([semaphore(before)], [semaphore(before + 1)]);
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
         let submits = [vk::SubmitInfo2::default()

@@ -17,6 +17,8 @@ pub enum Validation {
     /// Core and synchronization validation.
     #[value(name = "core")]
     CoreAndSync,
+    /// Core validation and what the layer thinks of as good practice.
+    BestPractices,
     /// GPU-assisted validation alone (slower, needs a descriptor set slot of its own).
     GpuAssisted,
 }
@@ -131,6 +133,16 @@ pub(super) enum LayerSettings {
     Settings,
     /// `VK_EXT_validation_features`, older ones.
     Features,
+}
+
+/// The layer's version, as of the Vulkan that it knows.
+pub(super) fn layer_version(entry: &ash::Entry) -> Option<String> {
+    // SAFETY: a plain enumeration call on a loaded entry.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.ok()?;
+    let version = layers.iter().find(|l| l.layer_name_as_c_str() == Ok(LAYER))?.spec_version;
+    let [major, minor, patch] =
+        [vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)];
+    Some(format!("{major}.{minor}.{patch}"))
 }
 
 /// Finds the layer and how to talk to it.

@@ -29,7 +29,7 @@ pub fn context() -> Context {
 /// The same, which keeps compiled pipelines in a folder.
 pub fn context_with_cache(cache_dir: Option<PathBuf>) -> Context {
     let device = std::env::var("TYNDALL_DEVICE").ok();
-    let config = ContextConfig { device, validation: validation(), cache_dir, kernel_statistics: false };
+    let config = ContextConfig { device, validation: validation(), cache_dir, ..ContextConfig::default() };
     let ctx = Context::new(&config).unwrap_or_else(|e| panic!("{e}"));
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
