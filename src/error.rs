@@ -71,6 +71,31 @@ pub enum Error {
         /// The driver's word.
         result: ash::vk::Result,
     },
+    /// The device does not work any more.
+    #[error(
+        "the device {problem}\n  cure: finished pictures are whole; the system's log has the driver's reason. Start again, with fewer voxels or pixels, or another device (--device) if it comes back"
+    )]
+    DeviceGone {
+        /// "was lost", or how long it was waited for.
+        problem: String,
+    },
+    /// The device has too little memory free.
+    #[error(
+        "'{object}' needs {} of device memory, but {} of {} are in use\n  cure: {cure}",
+        crate::stats::mebibytes_text(*needed), crate::stats::mebibytes_text(*used), crate::stats::mebibytes_text(*total)
+    )]
+    OutOfDeviceMemory {
+        /// The debug name of the object.
+        object: String,
+        /// Bytes asked for.
+        needed: u64,
+        /// Bytes that this program uses.
+        used: u64,
+        /// Bytes that the device has.
+        total: u64,
+        /// What would fit.
+        cure: String,
+    },
     /// The device has too little memory, or a size exceeds one of its limits.
     #[error("'{object}' needs {needed} bytes, but {limit_name} allows {limit}\n  cure: {cure}")]
     DeviceMemory {
@@ -177,12 +202,6 @@ impl Error {
 
     /// Is there no use in going on with something else on the same device?
     pub fn is_final(&self) -> bool {
-        use ash::vk::Result as R;
-        match self {
-            Error::Stopped { .. } => true,
-            // Of a fence: the device hangs.
-            Error::Vulkan { result, .. } => matches!(*result, R::ERROR_DEVICE_LOST | R::TIMEOUT),
-            _ => false,
-        }
+        matches!(self, Error::Stopped { .. } | Error::DeviceGone { .. })
     }
 }

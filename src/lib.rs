@@ -6,6 +6,7 @@ pub mod check;
 pub mod cli;
 pub mod cpu;
 pub mod error;
+pub mod input;
 pub mod measure;
 pub mod output;
 pub mod passes;

@@ -395,10 +395,13 @@ fn automatic_stops(picture: &Picture, tone: ToneCurve) -> f32 {
     (wanted / bright).log2() as f32
 }
 
+/// Most pixels of a picture that is read: 16384 x 16384.
+const MOST_PIXELS: u64 = 1 << 28;
+
 /// Reads a PNG, EXR or HDR as linear radiance premultiplied by alpha. A PNG's sRGB transfer is undone; its exposure
 /// and tone curve are not known and stay.
 pub fn read_picture(path: &Path) -> Result<Picture> {
-    let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
+    let (file, bytes) = crate::input::open(path, "a PNG, EXR or Radiance HDR picture")?;
     let bad = |problem: String| Error::file(path, problem, "give a PNG, EXR or Radiance HDR picture");
     let reader =
         ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(|e| Error::io(path, "read", e))?;
@@ -407,7 +410,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         Some(other) => return Err(bad(format!("is a {other:?} picture, which is not supported"))),
         None => return Err(bad("is not a picture of a known format".into())),
     }
-    let decoded = reader.decode().map_err(|e| bad(format!("cannot be decoded: {e}")))?;
+    let decoded = crate::input::decode(reader, bytes, MOST_PIXELS).map_err(bad)?;
     let picture = from_decoded(decoded);
     picture.check_finite(path)?;
     Ok(picture)

@@ -484,6 +484,11 @@ fn mebibytes(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }
 
+/// `12.3 MiB`.
+pub fn mebibytes_text(bytes: u64) -> String {
+    format!("{:.1} MiB", mebibytes(bytes))
+}
+
 /// `F0F0F0F0`: the bits of R, G, B, A in hexadecimal; an adaptive mask as it is written.
 fn mask_text(mask: Mask) -> String {
     match mask {

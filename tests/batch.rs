@@ -310,6 +310,26 @@ fn ctrl_c_leaves_whole_frames() {
     assert!(place.files()[..12] == long_run()[..]);
 }
 
+/// The device is gone: one error, what was finished is whole, and another start goes on from there.
+#[test]
+fn a_lost_device_ends_the_batch() {
+    let place = Place::new();
+    let output = place.run(&long(&["--inject", "device-loss", "--log", "log.jsonl"]));
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(
+        stderr.starts_with("error: the device was lost") && stderr.contains("finished pictures are whole"),
+        "{stderr}"
+    );
+    let log = fs::read_to_string(place.path("log.jsonl")).unwrap();
+    assert!(log.lines().last().unwrap().contains("\"event\":\"end\""), "{log}");
+    fs::remove_file(place.path("log.jsonl")).unwrap();
+    let names = names(&place);
+    assert!(!names.is_empty() && names.len() < 200 && names.iter().all(|n| n.starts_with("frame_")), "{names:?}");
+    place.succeeds(&long(&["--frames", "0..12"]));
+    assert!(place.files()[..12] == long_run()[..]);
+}
+
 /// A program in ffmpeg's place, which notes what it gets.
 #[cfg(unix)]
 #[test]

@@ -270,6 +270,24 @@ fn missing_files_are_named() {
     place.fails(&["compare", "a.exr", "nosuch.exr"], 1, &["nosuch.exr", "No such file"]);
 }
 
+/// Devices and pipes may never end.
+#[test]
+#[cfg(unix)]
+fn what_is_no_regular_file_is_not_read() {
+    let place = Place::new();
+    for args in [
+        &["render", "/dev/zero"][..],
+        &["render", "--volume", PHANTOM, "--transfer", "/dev/zero"],
+        &["render", "--volume", PHANTOM, "--environment", "/dev/zero"],
+        &["render", "--volume", "/dev/zero", "--raw-size", "1x1x1", "--raw-type", "u8"],
+        &["compare", "/dev/zero", "/dev/zero"],
+        &["merge", "/dev/zero", "-o", "a.exr"],
+        &["check", "--allow", "/dev/zero"],
+    ] {
+        place.fails(args, 1, &["/dev/zero: this is not a regular file", "cure"]);
+    }
+}
+
 #[test]
 fn truncated_data_is_refused() {
     let place = Place::new();
@@ -505,6 +523,22 @@ fn a_validation_message_ends_with_exit_code_1_and_no_picture() {
     assert_eq!(names, ["s.json"]);
     let stats = json(&fs::read_to_string(place.path("s.json")).unwrap());
     assert!(stats["validation"]["warnings"].as_u64().unwrap() > 0, "{stats}");
+}
+
+/// As a full disk does it: a limit on the size of files stops the write amid the picture.
+#[test]
+#[cfg(unix)]
+fn a_full_disk_leaves_no_file() {
+    let place = Place::new();
+    for name in ["a.png", "a.exr"] {
+        let mut shell = std::process::Command::new("sh");
+        let limited = "trap '' XFSZ; ulimit -f 1; exec \"$@\"";
+        let render = ["render", "--volume", PHANTOM, "--size", "64x48", "--spp", "1", "--orders", "1", "-o", name];
+        let program = env!("CARGO_BIN_EXE_tyndall");
+        shell.args(["-c", limited, "sh", program]).args(render).current_dir(place.0.path());
+        shell.env("TYNDALL_CACHE_DIR", "");
+        place.fails_as(shell, 1, &[name, "cannot write", "File too large"]);
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use crate::vk::Message;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::io::Read;
 use std::path::Path;
 
 /// One entry of an allow-list.
@@ -31,7 +32,9 @@ struct File {
 /// # Errors
 /// The file cannot be read, or an entry lacks something.
 pub fn load(path: &Path) -> Result<Vec<Allowed>> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))?;
+    let (mut file, _) = crate::input::open(path, "an allow-list in TOML")?;
+    let mut text = String::new();
+    file.read_to_string(&mut text).map_err(|e| Error::io(path, "read", e))?;
     parse(&text, path)
 }
 

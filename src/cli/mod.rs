@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 use crate::Result;
 use crate::scene;
-use crate::vk::{ContextConfig, Validation, user_cache_dir};
+use crate::vk::{ContextConfig, Injection, Validation, user_cache_dir};
 
 /// Headless volume renderer with physically based multiple scattering.
 ///
@@ -116,6 +116,10 @@ pub struct DeviceArgs {
         hide_default_value = true
     )]
     pub validate: Validation,
+
+    /// A fault to put in, for tests.
+    #[arg(long, value_name = "FAULT", hide = true)]
+    pub inject: Option<Injection>,
 }
 
 impl DeviceArgs {
@@ -123,7 +127,13 @@ impl DeviceArgs {
     pub fn config(&self) -> ContextConfig {
         // Validation shall see every pipeline compiled.
         let cache_dir = if self.validate == Validation::Off { user_cache_dir() } else { None };
-        ContextConfig { device: self.device.clone(), validation: self.validate, cache_dir, ..ContextConfig::default() }
+        ContextConfig {
+            device: self.device.clone(),
+            validation: self.validate,
+            cache_dir,
+            injection: self.inject,
+            ..ContextConfig::default()
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Renders a scene: makes the passes, records every iteration, and keeps the device busy with bounded submissions.
 
 pub mod auto;
+mod memory;
 pub mod path;
 pub mod state;
 
@@ -199,7 +200,13 @@ const LIGHT_STREAM: u32 = 0x4C49_4700;
 
 impl<'a> Renderer<'a> {
     /// Uploads the scene and makes the passes that its settings use.
+    ///
+    /// Errors: the device lacks something; of memory, the error says what would fit.
     pub fn new(ctx: &'a Context, scene: &Scene, internals: Internals) -> Result<Self> {
+        Self::build(ctx, scene, internals).map_err(|error| memory::advise(ctx, scene, error))
+    }
+
+    fn build(ctx: &'a Context, scene: &Scene, internals: Internals) -> Result<Self> {
         let s = &scene.settings;
         if s.precision == Precision::Single && !ctx.interpolates_single() {
             let problem = "the device does not interpolate images of 32-bit floats";

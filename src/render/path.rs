@@ -167,7 +167,13 @@ pub struct PathRender<'a> {
 
 impl<'a> PathRender<'a> {
     /// Uploads the scene, finds the majorants; no sample is taken yet.
+    ///
+    /// Errors: the device lacks something; of memory, the error says what would fit.
     pub fn new(ctx: &'a Context, scene: &Scene) -> Result<Self> {
+        Self::build(ctx, scene).map_err(|error| super::memory::advise(ctx, scene, error))
+    }
+
+    pub(super) fn build(ctx: &'a Context, scene: &Scene) -> Result<Self> {
         let s = &scene.settings;
         let data = SceneData::new(ctx, scene)?;
         let is_unlimited = s.orders == UNLIMITED;

@@ -139,8 +139,7 @@ impl State {
     /// Errors: the file cannot be read, is no state, or is damaged.
     pub fn load(path: &Path) -> Result<Self> {
         let damaged = |problem: &str| Error::file(path, problem.to_owned(), "delete it, or take a copy that is whole");
-        let mut file = std::fs::File::open(path).map_err(|e| Error::io(path, "open", e))?;
-        let length = file.metadata().map_err(|e| Error::io(path, "read", e))?.len();
+        let (mut file, length) = crate::input::open(path, "a file that --state has written")?;
         let mut start = [0u8; 16];
         let read = |file: &mut std::fs::File, to: &mut [u8]| match file.read_exact(to) {
             Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(damaged("it is cut off")),

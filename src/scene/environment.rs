@@ -9,8 +9,9 @@
 use super::{Environment, LatLong};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
-use image::{ImageDecoder, ImageFormat, ImageReader};
+use image::{ImageFormat, ImageReader};
 use std::f64::consts::{PI, TAU};
+use std::io::BufReader;
 use std::path::Path;
 
 /// Most texels of an environment image: 8192×4096 (400 MB while it is decoded).
@@ -77,21 +78,16 @@ impl LatLong {
     /// NaN and infinite texels are refused; negative ones, which resampling filters leave behind, become 0 with a
     /// warning in the log.
     pub fn load(path: &Path, strength: f32, rotation_degrees: f64) -> Result<Self> {
-        let cure = "give a latitude-longitude .hdr or .exr image";
+        let cure = "give a latitude-longitude .hdr or .exr image; scale the image down if it is too large";
         let bad = |problem: String| Error::file(path, problem, cure);
-        let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
-        let mut reader = reader.map_err(|e| Error::io(path, "open", e))?;
+        let (file, bytes) = crate::input::open(path, "a latitude-longitude .hdr or .exr image")?;
+        let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();
+        let reader = reader.map_err(|e| Error::io(path, "read", e))?;
         if !matches!(reader.format(), Some(ImageFormat::Hdr | ImageFormat::OpenExr)) {
             return Err(bad("is neither Radiance HDR nor OpenEXR".into()));
         }
-        reader.no_limits(); // Our own, on the decoder's word before anything is allocated:
-        let decoder = reader.into_decoder().map_err(|e| bad(format!("cannot be decoded: {e}")))?;
-        let (width, height) = decoder.dimensions();
-        if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MAX_TEXELS {
-            let problem = format!("has {width} x {height} texels, but 1 to {MAX_TEXELS} are allowed");
-            return Err(Error::file(path, problem, "scale the image down, e.g. to 4096 x 2048"));
-        }
-        let image = image::DynamicImage::from_decoder(decoder).map_err(|e| bad(format!("cannot be decoded: {e}")))?;
+        let image = crate::input::decode(reader, bytes, MAX_TEXELS).map_err(bad)?;
+        let (width, height) = (image.width(), image.height());
         let mut pixels: Vec<[f32; 3]> = image.into_rgb32f().pixels().map(|p| p.0.map(|c| c * strength)).collect();
         let mut negative = 0usize;
         for (i, pixel) in pixels.iter_mut().enumerate() {

@@ -12,6 +12,7 @@ use crate::{Error, Result};
 use glam::DVec3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Most camera rays per pixel: single precision counts them exactly.
@@ -782,11 +783,12 @@ impl SceneFile {
 
 /// Reads a text file of bounded size; `expected` completes "is not ...".
 fn read_text(path: &Path, expected: &str) -> Result<String> {
-    let size = std::fs::metadata(path).map_err(|e| Error::io(path, "open", e))?.len();
+    let (mut file, size) = crate::input::open(path, expected)?;
     if size > MAX_TEXT_BYTES {
         return Err(Error::file(path, format!("is {size} bytes long"), format!("give {expected}")));
     }
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, "read", e))?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(|e| Error::io(path, "read", e))?;
     String::from_utf8(bytes).map_err(|_| Error::file(path, "is not text", format!("give {expected}")))
 }
 

@@ -36,6 +36,8 @@ pub struct ContextConfig {
     pub kernel_statistics: bool,
     /// A fault to put into what is recorded.
     pub injection: Option<Injection>,
+    /// Use no more than so many bytes of device memory.
+    pub memory_limit: Option<u64>,
 }
 
 /// A device as `tyndall devices` shows it.
@@ -122,6 +124,9 @@ pub(super) struct DeviceShared {
     pub(super) faults: Faults,
     pub(super) sink: Arc<Sink>,
     max_allocation: u64,
+    /// Bytes of memory, and whether they are fewer than the device has.
+    memory: u64,
+    is_memory_limited: bool,
     bytes_now: AtomicU64,
     bytes_peak: AtomicU64,
     ids: AtomicU64,
@@ -134,22 +139,31 @@ impl DeviceShared {
 
     pub(super) fn allocate(&self, desc: &AllocationCreateDesc<'_>) -> Result<Allocation> {
         let size = desc.requirements.size;
-        let refuse = |limit, limit_name| Error::DeviceMemory {
+        let cure = "use a smaller volume or picture, or a device with more memory";
+        if size > self.max_allocation {
+            return Err(Error::DeviceMemory {
+                object: desc.name.to_owned(),
+                needed: size,
+                limit: self.max_allocation,
+                limit_name: "maxMemoryAllocationSize",
+                cure: cure.into(),
+            });
+        }
+        let used = self.bytes_now.load(Ordering::Relaxed);
+        let none_left = || Error::OutOfDeviceMemory {
             object: desc.name.to_owned(),
             needed: size,
-            limit,
-            limit_name,
-            cure: "use a smaller volume or picture, or a device with more memory".into(),
+            used,
+            total: self.memory,
+            cure: cure.into(),
         };
-        if size > self.max_allocation {
-            return Err(refuse(self.max_allocation, "maxMemoryAllocationSize"));
+        if self.is_memory_limited && used + size > self.memory {
+            return Err(none_left());
         }
         let mut allocator = self.allocator();
         let allocator = allocator.as_mut().expect("the allocator lives as long as the device");
         let allocation = allocator.allocate(desc).map_err(|error| match error {
-            gpu_allocator::AllocationError::OutOfMemory => {
-                refuse(self.bytes_now.load(Ordering::Relaxed), "the device's free memory (bytes in use are given)")
-            }
+            gpu_allocator::AllocationError::OutOfMemory => none_left(),
             other => Error::Device { pass: "memory allocation", problem: format!("'{}': {other}", desc.name) },
         })?;
         let now = self.bytes_now.fetch_add(allocation.size(), Ordering::Relaxed) + allocation.size();
@@ -604,6 +618,7 @@ struct Parts<'a> {
     executables: Option<ash::khr::pipeline_executable_properties::Device>,
     validation: Validation,
     injection: Option<Injection>,
+    memory_limit: Option<u64>,
     sink: Arc<Sink>,
     own: Option<Own>,
 }
@@ -667,6 +682,7 @@ impl Context {
             probe,
             validation: config.validation,
             injection: config.injection,
+            memory_limit: config.memory_limit,
             sink: instance.sink,
             own: Some(Own {
                 queue: Mutex::new(queue),
@@ -715,6 +731,7 @@ impl Context {
             executables: None,
             validation: Validation::Off,
             injection: None,
+            memory_limit: None,
             sink: Arc::default(),
             own: None,
         })
@@ -722,7 +739,7 @@ impl Context {
 
     fn assemble(parts: Parts<'_>) -> Result<Self> {
         let Parts { instance, physical, device, probe, cache_dir, debug, executables, .. } = parts;
-        let Parts { validation, injection, sink, own, .. } = parts;
+        let Parts { validation, injection, memory_limit, sink, own, .. } = parts;
         // Leaks are reported by `close`, as failures; a log line more would help nobody.
         let mut debug_settings = AllocatorDebugSettings::default();
         debug_settings.log_leaks_on_shutdown = false;
@@ -764,6 +781,8 @@ impl Context {
             faults: Faults::new(injection),
             sink,
             max_allocation: probe.max_allocation,
+            memory: memory_limit.unwrap_or_else(|| device_memory(instance, physical)),
+            is_memory_limited: memory_limit.is_some(),
             bytes_now: AtomicU64::new(0),
             bytes_peak: AtomicU64::new(0),
             ids: AtomicU64::new(1),
@@ -881,6 +900,11 @@ impl Context {
     pub fn layer_version(&self) -> Option<String> {
         let own = self.shared.own.as_ref().filter(|_| self.validation != Validation::Off)?;
         validation::layer_version(&own.entry)
+    }
+
+    /// Bytes of device memory there are.
+    pub fn memory(&self) -> u64 {
+        self.shared.memory
     }
 
     /// Bytes of device memory in use.
@@ -1035,6 +1059,14 @@ impl Context {
         drop(shared);
         sink.messages()
     }
+}
+
+/// Bytes of the memory that is the device's own.
+fn device_memory(instance: &ash::Instance, physical: vk::PhysicalDevice) -> u64 {
+    // SAFETY: the physical device is one of the instance's.
+    let memory = unsafe { instance.get_physical_device_memory_properties(physical) };
+    let own = |heap: &&vk::MemoryHeap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+    memory.memory_heaps_as_slice().iter().filter(own).map(|heap| heap.size).sum()
 }
 
 /// Layers of an image in pieces of at most `STAGING_BYTES` (one layer at least).

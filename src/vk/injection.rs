@@ -1,7 +1,7 @@
 //! Faults that are put into recorded commands on purpose, to show that they would be noticed.
 
 use super::validation::{Message, Validation};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 /// A fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
@@ -17,9 +17,15 @@ pub enum Injection {
     Leak,
     /// The first dispatch that uses a buffer gets one that is freed before; it is not run.
     StaleDescriptor,
+    /// After some submissions the device says that it is lost. For tests: it shows how a render ends, not what is noticed.
+    #[value(hide = true)]
+    DeviceLoss,
 }
 
 impl Injection {
+    /// Submissions that are waited for before [`Self::DeviceLoss`].
+    pub(super) const SUBMISSIONS_BEFORE_LOSS: u32 = 500;
+
     /// The validation that notices it.
     pub fn validation(self) -> Validation {
         match self {
@@ -43,6 +49,7 @@ impl Injection {
             ]],
             Self::Leak => &[&["TYNDALL-LEAK"]],
             Self::StaleDescriptor => &[&["VUID-vkCmdDispatch-None-02699", "VUID-vkCmdDispatch-None-08114"]],
+            Self::DeviceLoss => &[],
         }
     }
 
@@ -65,11 +72,12 @@ impl Injection {
 pub(super) struct Faults {
     kind: Option<Injection>,
     has_happened: AtomicBool,
+    counted: AtomicU32,
 }
 
 impl Faults {
     pub(super) fn new(kind: Option<Injection>) -> Self {
-        Self { kind, has_happened: AtomicBool::new(false) }
+        Self { kind, ..Self::default() }
     }
 
     /// Is it this one?
@@ -80,6 +88,11 @@ impl Faults {
     /// Is it this one, and has it not happened yet? From now on it has.
     pub(super) fn strikes(&self, kind: Injection) -> bool {
         self.is(kind) && !self.has_happened.swap(true, Ordering::Relaxed)
+    }
+
+    /// Counts from 1.
+    pub(super) fn count(&self) -> u32 {
+        self.counted.fetch_add(1, Ordering::Relaxed) + 1
     }
 
     pub(super) fn have_struck(&self, kind: Injection) -> bool {

@@ -646,7 +646,12 @@ impl Recorder {
             // validation never sees a timeline semaphore progress (UNASSIGNED-VkSemaphore-state-timeout).
             self.fence =
                 device.raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(error("vkCreateFence"))?;
-            device.raw.queue_submit2(*queue, &submits, self.fence).map_err(error("vkQueueSubmit2"))?;
+            device.raw.queue_submit2(*queue, &submits, self.fence).map_err(|result| match result {
+                vk::Result::ERROR_DEVICE_LOST => {
+                    Error::DeviceGone { problem: "was lost (VK_ERROR_DEVICE_LOST)".into() }
+                }
+                result => error("vkQueueSubmit2")(result),
+            })?;
         }
         own.timeline_value.store(before + 1, Ordering::Relaxed);
         drop(queue);
@@ -726,7 +731,16 @@ impl Submission {
             // SAFETY: the device is alive; the lock keeps other threads off the queue.
             result = unsafe { device.raw.device_wait_idle() };
         }
-        result.map_err(|result| Error::Vulkan { operation: "vkWaitForFences", object: "submission".into(), result })
+        if device.faults.is(Injection::DeviceLoss) && device.faults.count() > Injection::SUBMISSIONS_BEFORE_LOSS {
+            result = Err(vk::Result::ERROR_DEVICE_LOST);
+        }
+        result.map_err(|result| match result {
+            vk::Result::TIMEOUT => {
+                Error::DeviceGone { problem: format!("has not done what it was given within {} s", TIMEOUT.as_secs()) }
+            }
+            vk::Result::ERROR_DEVICE_LOST => Error::DeviceGone { problem: "was lost (VK_ERROR_DEVICE_LOST)".into() },
+            result => Error::Vulkan { operation: "vkWaitForFences", object: "submission".into(), result },
+        })
     }
 }
 

@@ -42,15 +42,9 @@ pub(super) struct Payload<'a> {
     pub voxels: u64,
 }
 
-/// Opens a regular file and gives its size. Devices and pipes are refused, since they may never end.
+/// Opens a volume's file and gives its size.
 pub(super) fn open(path: &Path) -> Result<(File, u64)> {
-    // Ask before opening: opening a pipe would wait for its writer.
-    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, "open", e))?;
-    if !metadata.is_file() {
-        return Err(Error::file(path, "this is not a regular file", "name a file that holds the volume"));
-    }
-    let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
-    Ok((file, metadata.len()))
+    crate::input::open(path, "a file that holds the volume")
 }
 
 /// The first bytes of a file, at most [`MAX_HEADER`] of them.
