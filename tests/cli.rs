@@ -234,6 +234,24 @@ fn help_of_every_command_names_its_flags() {
 // Outputs that cannot be written are refused before anything is computed.
 
 #[test]
+fn shells_and_man_know_the_command_line() {
+    let place = Place::new();
+    for (shell, part) in [("bash", "complete -F"), ("zsh", "#compdef tyndall"), ("fish", "complete -c tyndall")] {
+        let script = place.succeeds(&["completions", shell]);
+        assert!(script.contains(part) && script.contains("light-grid") && script.contains("batch"), "{shell}");
+    }
+    place.fails(&["completions", "tcsh"], 2, &["tcsh", "bash"]);
+    place.fails(&["man", "-o", "pages"], 1, &["pages", "is no folder", "cure"]);
+    fs::create_dir(place.path("pages")).unwrap();
+    let report = place.succeeds(&["man", "-o", "pages"]);
+    assert!(report.contains("pages to pages"), "{report}");
+    for (page, part) in [("tyndall", "tyndall\\-render(1)"), ("tyndall-render", "light\\-grid"), ("tyndall-check", "inject")] {
+        let text = fs::read_to_string(place.path(&format!("pages/{page}.1"))).unwrap();
+        assert!(text.starts_with(".ie") && text.contains(part), "{page}: {text}");
+    }
+}
+
+#[test]
 fn unwritable_outputs_are_refused() {
     let place = Place::new();
     place.write("file", "");

@@ -7,6 +7,7 @@ pub mod compare;
 pub mod devices;
 pub mod inspect;
 mod interrupt;
+pub mod manual;
 pub mod merge;
 pub mod render;
 pub mod tradeoff;
@@ -41,6 +42,8 @@ enum Command {
     Check(check::Args),
     Bench(bench::Args),
     Devices(devices::Args),
+    Completions(manual::CompletionsArgs),
+    Man(manual::ManArgs),
 }
 
 impl Cli {
@@ -57,6 +60,8 @@ impl Cli {
             Command::Check(args) => check::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Devices(args) => devices::run(args),
+            Command::Completions(args) => manual::completions(args),
+            Command::Man(args) => manual::man(args),
         }
     }
 }
