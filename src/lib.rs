@@ -1,6 +1,19 @@
 //! Tyndall: headless volume rendering with physically based multiple scattering on raw Vulkan compute.
+//!
+//! Where to begin:
+//!
+//! - A picture of a volume in memory: [`scene::resolve`] makes a [`scene::Scene`] of it, [`render::render`] a picture,
+//!   [`output::write_picture`] a file. `examples/render_a_volume.rs` does this in thirty lines.
+//! - Further pictures of the same scene: [`render::Renderer`]. Frames of a turntable, key frames, a series: [`scene::Sequence`].
+//! - Scan, radix sort and selection on your own Vulkan device: [`primitives`], and `examples/sort_your_buffer.rs`.
+//! - How it works, by one voxel's way from file to pixel: [`architecture`].
+//!
+//! Whatever fails is an [`Error`] that names what it is about and the cure. Vulkan's validation layer runs along where
+//! [`vk::ContextConfig`] asks for it.
 
 pub mod abi;
+#[doc = include_str!("../ARCHITECTURE.md")]
+pub mod architecture {}
 pub mod bench;
 pub mod check;
 pub mod cli;

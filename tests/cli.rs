@@ -245,7 +245,9 @@ fn shells_and_man_know_the_command_line() {
     fs::create_dir(place.path("pages")).unwrap();
     let report = place.succeeds(&["man", "-o", "pages"]);
     assert!(report.contains("pages to pages"), "{report}");
-    for (page, part) in [("tyndall", "tyndall\\-render(1)"), ("tyndall-render", "light\\-grid"), ("tyndall-check", "inject")] {
+    for (page, part) in
+        [("tyndall", "tyndall\\-render(1)"), ("tyndall-render", "light\\-grid"), ("tyndall-check", "inject")]
+    {
         let text = fs::read_to_string(place.path(&format!("pages/{page}.1"))).unwrap();
         assert!(text.starts_with(".ie") && text.contains(part), "{page}: {text}");
     }

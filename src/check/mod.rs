@@ -34,6 +34,8 @@ pub struct Options {
     pub only: Vec<String>,
     /// Messages to let through.
     pub allowed: Vec<Allowed>,
+    /// A fault in every run: for tests of the report.
+    pub injection: Option<Injection>,
 }
 
 impl Options {
@@ -56,7 +58,8 @@ pub fn run(options: &Options, progress: OnProgress<'_>) -> Result<Report> {
     let all = (options.kinds.len() * cases.len()).max(1) as f64;
     let mut runs = Vec::new();
     for (k, &kind) in options.kinds.iter().enumerate() {
-        let config = ContextConfig { device: options.device.clone(), validation: kind, ..ContextConfig::default() };
+        let (device, injection) = (options.device.clone(), options.injection);
+        let config = ContextConfig { device, validation: kind, injection, ..ContextConfig::default() };
         let mut run = Watched::begin(&config, kind)?;
         for (i, case) in cases.iter().enumerate() {
             let done = (k * cases.len() + i) as f64 / all;

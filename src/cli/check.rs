@@ -1,6 +1,6 @@
 //! `tyndall check`: every pass under validation.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::render::{progress_bar, show};
 use super::{interrupt, name_of};
@@ -56,9 +56,6 @@ pub struct Args {
     device: Option<String>,
 }
 
-/// What the project itself lets through.
-const ALLOWED: &str = include_str!("../check/allowed.toml");
-
 /// Runs the command.
 pub fn run(args: &Args) -> Result<String> {
     for path in [&args.junit, &args.stats].into_iter().flatten() {
@@ -70,11 +67,9 @@ pub fn run(args: &Args) -> Result<String> {
     if args.kinds.contains(&Validation::Off) {
         return Err(Error::usage("--kinds", "'off' checks nothing", "give core, best-practices or gpu-assisted"));
     }
-    let mut allowed = allow::parse(ALLOWED, Path::new("allowed.toml")).expect("a constant that is tested");
-    if let Some(path) = &args.allow {
-        allowed.extend(allow::load(path)?);
-    }
-    let options = Options { device: args.device.clone(), kinds: args.kinds.clone(), only: args.only.clone(), allowed };
+    let allowed = args.allow.as_deref().map_or(Ok(Vec::new()), allow::load)?;
+    let (device, kinds, only) = (args.device.clone(), args.kinds.clone(), args.only.clone());
+    let options = Options { device, kinds, only, allowed, injection: None };
     let cases = options.cases();
     if cases.is_empty() {
         let problem = format!("no case has '{}' in its name", args.only.join("' or '"));
