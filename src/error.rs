@@ -96,7 +96,7 @@ pub enum Error {
         /// What would fit.
         cure: String,
     },
-    /// The device has too little memory, or a size exceeds one of its limits.
+    /// A size exceeds one of the device's limits, or the memory that was handed over.
     #[error("'{object}' needs {needed} bytes, but {limit_name} allows {limit}\n  cure: {cure}")]
     DeviceMemory {
         /// The debug name of the object.

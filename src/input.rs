@@ -2,6 +2,7 @@
 
 use crate::{Error, Result};
 use image::{ImageDecoder, ImageFormat, ImageReader};
+use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::io::{BufRead, Read, Seek};
 use std::path::Path;
@@ -16,6 +17,42 @@ pub fn open(path: &Path, expected: &str) -> Result<(File, u64)> {
     }
     let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
     Ok((file, metadata.len()))
+}
+
+/// Largest text file that is read, in bytes.
+const MAX_TEXT_BYTES: u64 = 1 << 24;
+
+/// Reads a text file of bounded size; `expected` completes "name ...".
+pub fn read_text(path: &Path, expected: &str) -> Result<String> {
+    let (mut file, size) = open(path, expected)?;
+    if size > MAX_TEXT_BYTES {
+        return Err(Error::file(path, format!("is {size} bytes long"), format!("give {expected}")));
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(|e| Error::io(path, "read", e))?;
+    String::from_utf8(bytes).map_err(|_| Error::file(path, "is not text", format!("give {expected}")))
+}
+
+/// Line (from 1) and text of the line in which byte `at` lies.
+pub fn line_of(text: &str, at: usize) -> (usize, &str) {
+    let start = text[..at].rfind('\n').map_or(0, |n| n + 1);
+    let line = text[start..].lines().next().unwrap_or("");
+    (text[..at].matches('\n').count() + 1, line.trim())
+}
+
+/// Parses the TOML of a file; an error names the line, and `cure`.
+pub fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path, cure: &str) -> Result<T> {
+    toml::from_str(text).map_err(|e| {
+        let (what, line) = match e.span() {
+            Some(span) => {
+                let (number, line) = line_of(text, span.start.min(text.len()));
+                (format!("{}:{number}", path.display()), format!(" in `{line}`"))
+            }
+            None => (path.display().to_string(), String::new()),
+        };
+        let problem = format!("{}{line}", e.message().trim_end().replace('\n', ", "));
+        Error::input(what, problem, cure)
+    })
 }
 
 /// Deflate turns a byte into so many at most.
@@ -43,15 +80,14 @@ pub fn decode<R: BufRead + Seek>(
     file_bytes: u64,
     most_pixels: u64,
 ) -> std::result::Result<image::DynamicImage, String> {
-    // Ours go by the decoder's word on the size.
-    reader.no_limits();
     if reader.format() == Some(ImageFormat::OpenExr) {
         let mut inner = reader.into_inner();
         check_blocks(&mut inner, file_bytes)?;
         inner.rewind().map_err(|e| format!("cannot be read: {e}"))?;
         reader = ImageReader::with_format(inner, ImageFormat::OpenExr);
-        reader.no_limits();
     }
+    // Ours go by the decoder's word on the size.
+    reader.no_limits();
     let most = file_bytes.saturating_mul(most_pixels_per_byte(reader.format()));
     let decoder = reader.into_decoder().map_err(|e| format!("cannot be decoded: {e}"))?;
     let (width, height) = decoder.dimensions();

@@ -298,6 +298,11 @@ pub fn median(values: &[f64]) -> f64 {
     if n == 0 { 0.0 } else { 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]) }
 }
 
+/// The name that a value has on the command line.
+pub fn name_of(value: &impl clap::ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
+}
+
 /// Sizes for people: `256x256x108`.
 pub fn times<T: ToString>(sizes: &[T]) -> String {
     sizes.iter().map(T::to_string).collect::<Vec<_>>().join("x")
@@ -403,7 +408,7 @@ impl Stats {
         writeln!(out, "{:<24} {:>10} {:>12.3}", "elapsed", "", self.wall_ms)?;
         let PipelineStats { made, cached, ms } = self.pipelines;
         writeln!(out, "pipelines: {made} made in {ms:.0} ms, {cached} of them from the cache on disk")?;
-        writeln!(out, "device memory at its peak: {:.1} MiB", mebibytes(self.peak_device_bytes))
+        writeln!(out, "device memory at its peak: {}", mebibytes_text(self.peak_device_bytes))
     }
 
     fn print_auto(&self, out: &mut String) -> std::fmt::Result {

@@ -24,7 +24,7 @@ fn is_gpu_assisted() -> bool {
 }
 
 fn options(kinds: &[Validation]) -> Options {
-    Options { kinds: kinds.to_vec(), device: std::env::var("TYNDALL_DEVICE").ok(), ..Options::default() }
+    Options { kinds: kinds.to_vec(), device: common::config().device, ..Options::default() }
 }
 
 #[test]

@@ -20,10 +20,8 @@ fn scene(render: &str) -> Scene {
 
 fn with_limit<T>(memory_limit: Option<u64>, body: impl FnOnce(&Context) -> T) -> T {
     let _turn = common::one_at_a_time();
-    let device = std::env::var("TYNDALL_DEVICE").ok();
     // Too much for a CPU under GPU-assisted validation.
-    let config =
-        ContextConfig { device, validation: Validation::CoreAndSync, memory_limit, ..ContextConfig::default() };
+    let config = ContextConfig { validation: Validation::CoreAndSync, memory_limit, ..common::config() };
     let ctx = Context::new(&config).unwrap();
     let result = body(&ctx);
     common::assert_silent(&ctx.close());

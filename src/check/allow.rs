@@ -1,9 +1,9 @@
 //! Messages that are let through, each with the versions of the layer that send it and the reason why it is no fault.
 
+use crate::input::{parse_toml, read_text};
 use crate::vk::Message;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
-use std::io::Read;
 use std::path::Path;
 
 /// One entry of an allow-list.
@@ -32,17 +32,14 @@ struct File {
 /// # Errors
 /// The file cannot be read, or an entry lacks something.
 pub fn load(path: &Path) -> Result<Vec<Allowed>> {
-    let (mut file, _) = crate::input::open(path, "an allow-list in TOML")?;
-    let mut text = String::new();
-    file.read_to_string(&mut text).map_err(|e| Error::io(path, "read", e))?;
-    parse(&text, path)
+    parse(&read_text(path, "an allow-list in TOML")?, path)
 }
 
 /// The same for text; `path` is for errors.
 pub fn parse(text: &str, path: &Path) -> Result<Vec<Allowed>> {
     let cure =
         "write [[allow]] with id, layer (\"1.3.239\"), reason, and text if only some messages of the id are meant";
-    let file: File = toml::from_str(text).map_err(|e| Error::file(path, e.to_string().trim_end(), cure))?;
+    let file: File = parse_toml(text, path, cure)?;
     let is_empty = |a: &&Allowed| a.id.trim().is_empty() || a.layer.trim().is_empty() || a.reason.trim().is_empty();
     match file.allow.iter().find(is_empty) {
         Some(entry) => Err(Error::file(path, format!("the entry for '{}' leaves something empty", entry.id), cure)),

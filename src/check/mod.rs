@@ -104,7 +104,7 @@ pub fn inject(device: Option<String>, kind: Injection) -> Result<Injected> {
     Ok(Injected { kind, noticed_by: kind.noticed_in(&messages), error, messages })
 }
 
-/// A picture, and another one from a new set-up after it: what is kept is used too.
+/// A picture, and another one from elsewhere: what is kept is used too.
 fn render_twice(ctx: &Context, case: &Case) -> Result<()> {
     let scene = case.scene()?;
     let mut go_on = |_: Progress| ControlFlow::Continue(());
@@ -168,6 +168,6 @@ impl Watched {
         let Self { ctx, kind, mut notes } = self;
         let (device, layer, kernels) = (DeviceStats::of(&ctx), ctx.layer_version(), ctx.kernels());
         notes.add(TEARDOWN, start, None, &ctx.close());
-        RunReport::new(kind, device, layer, kernels, notes.cases, allowed)
+        RunReport::new(kind, device, layer, &kernels, notes.cases, allowed)
     }
 }

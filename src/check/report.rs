@@ -1,13 +1,11 @@
 //! What a check found, as text, JSON and JUnit's XML.
 
 use super::allow::Allowed;
-use crate::stats::{DeviceStats, to_json};
+use crate::stats::{DeviceStats, name_of, to_json};
 use crate::vk::{KernelForm, Message, Validation};
 use crate::{Error, Result};
-use clap::ValueEnum;
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite};
-use serde::{Serialize, Serializer};
-use serde_json::json;
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Duration;
@@ -25,7 +23,6 @@ pub struct Report {
 #[derive(Clone, Debug, Serialize)]
 pub struct RunReport {
     /// The kind.
-    #[serde(serialize_with = "write_kind")]
     pub kind: Validation,
     /// Where it ran.
     pub device: DeviceStats,
@@ -35,9 +32,6 @@ pub struct RunReport {
     pub kernels: usize,
     /// Different forms of them: kernels with values of their specialization constants.
     pub forms: usize,
-    /// The kernels with their constants.
-    #[serde(skip)]
-    pub forms_used: Vec<KernelForm>,
     /// Set-up, the scenes, teardown.
     pub cases: Vec<CaseReport>,
     /// Entries of the allow-list that let something through.
@@ -55,24 +49,9 @@ pub struct CaseReport {
     /// Why it did not come to its end, or what it left.
     pub error: Option<String>,
     /// What was said, but for what is allowed.
-    #[serde(serialize_with = "write_messages")]
     pub messages: Vec<Message>,
     /// Messages that were let through.
     pub allowed: usize,
-}
-
-fn write_kind<S: Serializer>(kind: &Validation, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-    serializer.serialize_str(&name_of(*kind))
-}
-
-fn write_messages<S: Serializer>(messages: &[Message], serializer: S) -> std::result::Result<S::Ok, S::Error> {
-    serializer.collect_seq(
-        messages.iter().map(|m| json!({ "id": m.id, "severity": format!("{:?}", m.severity), "text": m.text })),
-    )
-}
-
-fn name_of(kind: Validation) -> String {
-    kind.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
 impl CaseReport {
@@ -103,7 +82,7 @@ impl RunReport {
         kind: Validation,
         device: DeviceStats,
         layer: Option<String>,
-        forms_used: Vec<KernelForm>,
+        kernel_forms: &[KernelForm],
         mut cases: Vec<CaseReport>,
         allowed: &[Allowed],
     ) -> Self {
@@ -118,10 +97,9 @@ impl RunReport {
             case.allowed = all - case.messages.len();
         }
         let used = allowed.iter().zip(is_used).filter(|(_, used)| *used).map(|(a, _)| a.clone()).collect();
-        let mut names: Vec<_> = forms_used.iter().map(|form| form.name).collect();
+        let mut names: Vec<_> = kernel_forms.iter().map(|form| form.name).collect();
         names.dedup();
-        let (kernels, forms) = (names.len(), forms_used.len());
-        Self { kind, device, layer, kernels, forms, forms_used, cases, used }
+        Self { kind, device, layer, kernels: names.len(), forms: kernel_forms.len(), cases, used }
     }
 
     /// Cases that do not pass.
@@ -132,7 +110,7 @@ impl RunReport {
     /// For people.
     fn print(&self, out: &mut String) -> std::fmt::Result {
         let layer = self.layer.as_deref().unwrap_or("of unknown version");
-        let (kind, device) = (name_of(self.kind), &self.device);
+        let (kind, device) = (name_of(&self.kind), &self.device);
         writeln!(out, "{kind}: {}, {}; layer {layer}", device.name, device.driver)?;
         for case in self.cases.iter().filter(|case| !case.passes()) {
             writeln!(out, "FAILED  {}", case.name)?;
@@ -199,7 +177,7 @@ impl Report {
     pub fn to_junit(&self) -> Result<String> {
         let mut junit = quick_junit::Report::new("tyndall check");
         for run in &self.runs {
-            let mut suite = TestSuite::new(name_of(run.kind));
+            let mut suite = TestSuite::new(name_of(&run.kind));
             for case in &run.cases {
                 let mut status = TestCaseStatus::success();
                 if !case.passes() {
@@ -209,7 +187,7 @@ impl Report {
                     status.set_description(complaints.join("\n"));
                 }
                 let mut test = TestCase::new(&case.name, status);
-                test.set_classname(format!("tyndall.check.{}", name_of(run.kind)));
+                test.set_classname(format!("tyndall.check.{}", name_of(&run.kind)));
                 test.set_time(Duration::from_secs_f64(case.seconds));
                 suite.add_test_case(test);
             }

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use super::interrupt;
 use super::render::{progress_bar, show};
-use super::{interrupt, name_of};
 use crate::check::{self, Options, allow};
+use crate::stats::name_of;
 use crate::vk::{Injection, Validation};
 use crate::{Error, Result, output};
 

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
 
-use super::{in_string, name_of};
+use super::in_string;
 use crate::Result;
 use crate::passes::tuning::carry_of;
-use crate::stats::to_json;
+use crate::stats::{name_of, to_json};
 use crate::vk::{self, DeviceInfo};
 
 /// List Vulkan devices, their limits, and what Tyndall lacks there.

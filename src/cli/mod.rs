@@ -148,8 +148,3 @@ fn in_string(write: impl FnOnce(&mut String) -> std::fmt::Result) -> String {
     write(&mut text).expect("writing to a String cannot fail");
     text
 }
-
-/// The name that a value has on the command line.
-fn name_of(value: &impl clap::ValueEnum) -> String {
-    value.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
-}

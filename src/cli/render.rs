@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{DeviceArgs, ReportArgs, SceneArgs, interrupt, name_of};
+use super::{DeviceArgs, ReportArgs, SceneArgs, interrupt};
 use crate::output::{self, BitDepth, PngOptions};
 use crate::render::{self, Progress};
 use crate::scene::{Model, Sampling, Scene, UNLIMITED};
-use crate::stats::{Stats, times};
+use crate::stats::{Stats, name_of, times};
 use crate::vk::{Context, no_messages};
 use crate::{Error, Result};
 

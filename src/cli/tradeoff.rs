@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::ValueEnum as _;
 
 use super::render::{progress_bar, show_by_phase};
-use super::{DeviceArgs, SceneArgs, interrupt, name_of};
+use super::{DeviceArgs, SceneArgs, interrupt};
 use crate::measure::front::Goal;
 use crate::measure::knobs::Knob;
 use crate::measure::processor_ms;
@@ -14,7 +14,7 @@ use crate::measure::report::Report;
 use crate::measure::sweep::{Clock, Effort, Options, Sweep};
 use crate::output;
 use crate::scene::{self, Model};
-use crate::stats::times;
+use crate::stats::{name_of, times};
 use crate::vk::Context;
 use crate::{Error, Result};
 

@@ -6,8 +6,8 @@ use std::io::Write as _;
 use serde::Serialize;
 
 use super::render::{progress_bar, show};
-use super::{DeviceArgs, in_string, name_of};
-use crate::stats::{DeviceStats, to_json};
+use super::{DeviceArgs, in_string};
+use crate::stats::{DeviceStats, name_of, to_json};
 use crate::verify::{self, Check, Group, Report};
 use crate::vk::{Context, no_messages};
 use crate::{Error, Result};

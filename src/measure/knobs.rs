@@ -5,6 +5,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::scene::{Environment, Mask, Precision, Sampling, Scene, Settings};
+use crate::stats::name_of;
 
 /// A knob, named as its flag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -59,7 +60,7 @@ pub struct Setting {
 impl Knob {
     /// Its name on the command line.
     pub fn flag(self) -> String {
-        self.to_possible_value().expect("every knob has a name").get_name().to_owned()
+        name_of(&self)
     }
 
     /// Its name in scene files.

@@ -49,13 +49,12 @@ impl KeyTable {
 
 /// The layer that `keys`, which are in order, make at frame `at`.
 pub fn layer_at(keys: &[KeyTable], at: f64) -> SceneFile {
-    let field = |of: fn(&KeyTable) -> Option<&Vec<LightTable>>| field_at(&by_frame(keys, |k| k), at, of);
     if keys.is_empty() {
         return SceneFile::default();
     }
     SceneFile {
         camera: CameraTable::between(&by_frame(keys, |k| &k.camera), at),
-        light: field(|k| k.light.as_ref()),
+        light: field_at(&by_frame(keys, |k| k), at, |k| k.light.as_ref()),
         transfer: TransferTable::between(&by_frame(keys, |k| &k.transfer), at),
         medium: MediumTable::between(&by_frame(keys, |k| &k.medium), at),
         environment: EnvironmentTable::between(&by_frame(keys, |k| &k.environment), at),

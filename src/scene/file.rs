@@ -6,21 +6,19 @@
 use super::animation::{KeyTable, Track, field_at, layer_at};
 use super::values::{BackgroundValue, ExposureValue, Factor, Mask, Orders, Rgb, UpAxis};
 use super::{Exposure, LightFor, Model, Precision, Quality, Sampling, ToneCurve};
+use crate::input::{line_of, parse_toml, read_text};
 use crate::shaders::constants::MAX_LIGHT_EDGE;
 use crate::volume::ScalarType;
 use crate::{Error, Result};
 use glam::DVec3;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Most camera rays per pixel: single precision counts them exactly.
 pub const MAX_SPP: u32 = 1 << 24;
 /// Most frames of a scene.
 pub const MAX_FRAMES: u32 = 100_000;
-/// Largest scene or transfer function file that is read, in bytes.
-const MAX_TEXT_BYTES: u64 = 1 << 24;
 
 /// A table of which every field may be missing; `over` lays one on another, field by field. A `keyed` one may stand in key
 /// frames.
@@ -781,36 +779,8 @@ impl SceneFile {
     }
 }
 
-/// Reads a text file of bounded size; `expected` completes "is not ...".
-fn read_text(path: &Path, expected: &str) -> Result<String> {
-    let (mut file, size) = crate::input::open(path, expected)?;
-    if size > MAX_TEXT_BYTES {
-        return Err(Error::file(path, format!("is {size} bytes long"), format!("give {expected}")));
-    }
-    let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes).map_err(|e| Error::io(path, "read", e))?;
-    String::from_utf8(bytes).map_err(|_| Error::file(path, "is not text", format!("give {expected}")))
-}
-
-/// Line (from 1) and text of the line in which byte `at` lies.
-fn line_of(text: &str, at: usize) -> (usize, &str) {
-    let start = text[..at].rfind('\n').map_or(0, |n| n + 1);
-    let line = text[start..].lines().next().unwrap_or("");
-    (text[..at].matches('\n').count() + 1, line.trim())
-}
-
 fn from_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
-    toml::from_str(text).map_err(|e| {
-        let (what, line) = match e.span() {
-            Some(span) => {
-                let (number, line) = line_of(text, span.start.min(text.len()));
-                (format!("{}:{number}", path.display()), format!(" in `{line}`"))
-            }
-            None => (path.display().to_string(), String::new()),
-        };
-        let problem = format!("{}{line}", e.message().trim_end().replace('\n', ", "));
-        Error::input(what, problem, "correct this line; scenes/README.md lists every field")
-    })
+    parse_toml(text, path, "correct this line; scenes/README.md lists every field")
 }
 
 /// A field's error with the file and line where the field stands.

@@ -22,7 +22,8 @@ pub struct Sequence {
     path: Option<PathBuf>,
     /// The volumes, in order, where there are several.
     series: Vec<PathBuf>,
-    frames: u32,
+    /// None where nothing says how many.
+    frames: Option<u32>,
     /// What the camera is framed for, where it moves by key frames.
     angles: Vec<Framing>,
 }
@@ -54,14 +55,14 @@ impl Sequence {
 
     fn new(command_line: SceneFile, file: SceneFile, path: Option<&Path>) -> Result<Self> {
         let path = path.map(Path::to_owned);
-        let mut sequence = Self { command_line, file, path, series: Vec::new(), frames: 1, angles: Vec::new() };
+        let mut sequence = Self { command_line, file, path, series: Vec::new(), frames: None, angles: Vec::new() };
         let first = sequence.layers(0)?;
         if let Some(file) = first.volume.file.as_deref() {
             sequence.series = files_of(file)?;
         }
         sequence.frames = sequence.count(&first)?;
         if sequence.moves_by_keys() {
-            let frames = sequence.frames as usize;
+            let frames = sequence.frames() as usize;
             let angles = frames.min(MOST_ANGLES);
             let frame = |i: usize| (i * (frames - 1) / (angles - 1).max(1)) as u32;
             let framing = |i| Ok(resolve::framing(&sequence.layers(frame(i))?.camera));
@@ -70,8 +71,8 @@ impl Sequence {
         Ok(sequence)
     }
 
-    /// What a new way of counting must agree with.
-    fn count(&self, first: &SceneFile) -> Result<u32> {
+    /// Frames of the scene whose first is given, if anything says how many; what does must agree.
+    fn count(&self, first: &SceneFile) -> Result<Option<u32>> {
         let turntable = first.turntable.frames;
         let animation = self.file.animation.frames;
         if let (Some(turntable), Some(animation)) = (turntable, animation)
@@ -85,6 +86,9 @@ impl Sequence {
             let cure = "leave the turntable or the keys' camera out (an azimuth of 360 more is a turn)";
             return Err(self.error("animation.key", "moves the camera, and so does the turntable", cure));
         }
+        if turntable.is_none() && self.file.animation == Default::default() && self.series.len() < 2 {
+            return Ok(None);
+        }
         let last_key = self.keys().last().map_or(0, |key| key.frame.ceil() as u32 + 1);
         let needed = (self.series.len() as u32).max(last_key).max(1);
         let frames = turntable.or(animation).unwrap_or(needed);
@@ -92,7 +96,7 @@ impl Sequence {
             let cure = format!("let [animation] frames say how many, at most {MAX_FRAMES}");
             return Err(self.error("volume.file", format!("has {frames} files"), cure));
         }
-        Ok(frames)
+        Ok(Some(frames))
     }
 
     fn error(&self, field: &str, problem: impl Into<String>, cure: impl Into<String>) -> Error {
@@ -115,14 +119,12 @@ impl Sequence {
 
     /// Frames; at least 1.
     pub fn frames(&self) -> u32 {
-        self.frames
+        self.frames.unwrap_or(1)
     }
 
     /// Does nothing say how many frames there are?
     pub fn is_still(&self) -> bool {
-        let animation = &self.file.animation;
-        let turntable = self.command_line.turntable.frames.or(self.file.turntable.frames);
-        self.series.len() < 2 && *animation == Default::default() && turntable.is_none()
+        self.frames.is_none()
     }
 
     /// The scene file.
@@ -141,11 +143,11 @@ impl Sequence {
         let mut layers = merge(self.command_line.clone(), keyed.over(self.file.clone()))?;
         layers.animation = Default::default();
         if !self.series.is_empty() {
-            let at = u64::from(frame) * self.series.len() as u64 / u64::from(self.frames);
+            let at = u64::from(frame) * self.series.len() as u64 / u64::from(self.frames());
             layers.volume.file = Some(self.series[at as usize].clone());
         }
         // All frames alike: a change would be seen.
-        if self.frames > 1 && !self.only_moves() {
+        if self.frames() > 1 && !self.only_moves() {
             layers.render.light_for.get_or_insert(LightFor::View);
         }
         Ok(layers)
@@ -163,7 +165,7 @@ impl Sequence {
 
     fn resolve(&self, mut layers: SceneFile, volume: Arc<Volume>, frame: u32) -> Result<Scene> {
         let only_moves = self.only_moves();
-        if self.frames > 1 && only_moves {
+        if self.frames() > 1 && only_moves {
             layers.render.light_for.get_or_insert(LightFor::EveryView);
         }
         let mut scene = resolve::resolve(layers.clone(), volume)?;
@@ -173,7 +175,7 @@ impl Sequence {
             scene.views.clear();
         } else if self.moves_by_keys() {
             let camera = |frame| self.camera(&self.layers(frame)?, &scene, frame);
-            scene.views = (0..self.frames).map(camera).collect::<Result<_>>()?;
+            scene.views = (0..self.frames()).map(camera).collect::<Result<_>>()?;
         }
         Ok(scene)
     }

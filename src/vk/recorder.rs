@@ -257,8 +257,11 @@ impl Recorder {
         self.prepare(pipeline, binds, bytemuck::bytes_of(push));
         // SAFETY: pipeline, set and push constants are set; the counts are within the limits.
         unsafe { self.device.raw.cmd_dispatch(self.commands, groups[0], groups[1], groups[2]) };
-        let writes = pipeline.raw.shader.bindings.iter().any(|b| b.access == BindingAccess::Write);
-        if writes && self.device.faults.strikes(Injection::WriteAfterWrite) {
+        let faults = &self.device.faults;
+        if faults.is(Injection::WriteAfterWrite)
+            && pipeline.raw.shader.bindings.iter().any(|b| b.access == BindingAccess::Write)
+            && faults.strikes(Injection::WriteAfterWrite)
+        {
             self.dispatch(pipeline, binds, push, groups);
         }
     }
@@ -625,7 +628,7 @@ impl Recorder {
             let problem = "its descriptor is stale, as was asked for".into();
             return Err(Error::Device { pass: "injection", problem });
         }
-        let error = |operation| move |result| Error::Vulkan { operation, object: "submission".into(), result };
+        let error = |operation| move |result| submission_error(operation, result);
         let device = self.device.clone();
         let own = device.own.as_ref().expect("a borrowed command buffer is submitted by its owner");
         let queue = own.queue.lock().unwrap_or_else(|e| e.into_inner());
@@ -646,12 +649,7 @@ impl Recorder {
             // validation never sees a timeline semaphore progress (UNASSIGNED-VkSemaphore-state-timeout).
             self.fence =
                 device.raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(error("vkCreateFence"))?;
-            device.raw.queue_submit2(*queue, &submits, self.fence).map_err(|result| match result {
-                vk::Result::ERROR_DEVICE_LOST => {
-                    Error::DeviceGone { problem: "was lost (VK_ERROR_DEVICE_LOST)".into() }
-                }
-                result => error("vkQueueSubmit2")(result),
-            })?;
+            device.raw.queue_submit2(*queue, &submits, self.fence).map_err(error("vkQueueSubmit2"))?;
         }
         own.timeline_value.store(before + 1, Ordering::Relaxed);
         drop(queue);
@@ -734,13 +732,18 @@ impl Submission {
         if device.faults.is(Injection::DeviceLoss) && device.faults.count() > Injection::SUBMISSIONS_BEFORE_LOSS {
             result = Err(vk::Result::ERROR_DEVICE_LOST);
         }
-        result.map_err(|result| match result {
-            vk::Result::TIMEOUT => {
-                Error::DeviceGone { problem: format!("has not done what it was given within {} s", TIMEOUT.as_secs()) }
-            }
-            vk::Result::ERROR_DEVICE_LOST => Error::DeviceGone { problem: "was lost (VK_ERROR_DEVICE_LOST)".into() },
-            result => Error::Vulkan { operation: "vkWaitForFences", object: "submission".into(), result },
-        })
+        result.map_err(|result| submission_error("vkWaitForFences", result))
+    }
+}
+
+/// What a refusal of a submission, or of the wait for it, means.
+fn submission_error(operation: &'static str, result: vk::Result) -> Error {
+    match result {
+        vk::Result::TIMEOUT => {
+            Error::DeviceGone { problem: format!("has not done what it was given within {} s", TIMEOUT.as_secs()) }
+        }
+        vk::Result::ERROR_DEVICE_LOST => Error::DeviceGone { problem: "was lost (VK_ERROR_DEVICE_LOST)".into() },
+        result => Error::Vulkan { operation, object: "submission".into(), result },
     }
 }
 

@@ -9,13 +9,15 @@ use std::sync::Mutex;
 pub(super) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// Which checks run beside the program.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Validation {
     /// None; what a user's render does.
     #[default]
     Off,
     /// Core and synchronization validation.
     #[value(name = "core")]
+    #[serde(rename = "core")]
     CoreAndSync,
     /// Core validation and what the layer thinks of as good practice.
     BestPractices,
@@ -24,7 +26,7 @@ pub enum Validation {
 }
 
 /// Severity of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[allow(missing_docs, reason = "the variants say it")]
 pub enum Severity {
     Warning,
@@ -32,7 +34,7 @@ pub enum Severity {
 }
 
 /// One message of the validation layer or of Tyndall's own checks.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Message {
     /// How bad.
     pub severity: Severity,

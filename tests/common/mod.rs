@@ -21,6 +21,12 @@ pub fn is_full() -> bool {
     std::env::var_os("TYNDALL_FULL").is_some()
 }
 
+/// The device and the validation of this run.
+pub fn config() -> ContextConfig {
+    let device = std::env::var("TYNDALL_DEVICE").ok();
+    ContextConfig { device, validation: validation(), ..ContextConfig::default() }
+}
+
 /// A context under validation. Without device or layer the test fails and says what to install.
 pub fn context() -> Context {
     context_with_cache(None)
@@ -28,8 +34,7 @@ pub fn context() -> Context {
 
 /// The same, which keeps compiled pipelines in a folder.
 pub fn context_with_cache(cache_dir: Option<PathBuf>) -> Context {
-    let device = std::env::var("TYNDALL_DEVICE").ok();
-    let config = ContextConfig { device, validation: validation(), cache_dir, ..ContextConfig::default() };
+    let config = ContextConfig { cache_dir, ..config() };
     let ctx = Context::new(&config).unwrap_or_else(|e| panic!("{e}"));
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

@@ -2,12 +2,12 @@
 
 use super::super::render::{progress_bar, show_by_phase};
 use super::super::tradeoff::check_clock;
-use super::super::{DeviceArgs, in_string, name_of};
+use super::super::{DeviceArgs, in_string};
 use crate::bench::scenes::{self, CASES, Case, Config, Row, Table};
 use crate::measure::sweep::Clock;
 use crate::output;
 use crate::scene::file::MAX_SPP;
-use crate::stats::{DeviceStats, times, to_json};
+use crate::stats::{DeviceStats, name_of, times, to_json};
 use crate::vk::{Context, no_messages};
 use crate::{Error, Result};
 use serde::Serialize;
