@@ -8,6 +8,18 @@
 //! - Scan, radix sort and selection on your own Vulkan device: [`primitives`], and `examples/sort_your_buffer.rs`.
 //! - How it works, by one voxel's way from file to pixel: [`architecture`].
 //!
+//! # In your own project
+//!
+//! The build script compiles the kernels with shaderc, whose library Debian and Ubuntu ship in a form that does not link.
+//! `scripts/setup` in a checkout of Tyndall puts together one that does; tell Cargo where, in your project's `.cargo/config.toml`:
+//!
+//! ```toml
+//! [env]
+//! SHADERC_LIB_DIR = "/path/to/tyndall/.cache/shaderc"
+//! ```
+//!
+//! Where no shaderc is installed, it is built from source (with CMake, Ninja and Python, in some minutes).
+//!
 //! Whatever fails is an [`Error`] that names what it is about and the cure. Vulkan's validation layer runs along where
 //! [`vk::ContextConfig`] asks for it.
 

@@ -7,6 +7,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::Result;
+use crate::passes::lookback::Carry;
+use crate::passes::tuning::carry_on;
 use crate::scene::{Mask, Sampling, Scene, Settings};
 use crate::vk::{Context, PipelineStats, Severity, TimedPass, Validation};
 use crate::volume::Volume;
@@ -51,6 +53,8 @@ pub struct DeviceStats {
     pub driver: String,
     /// Invocations per subgroup.
     pub subgroup_size: u32,
+    /// How scans and sorts carry sums from tile to tile there.
+    pub carry: Carry,
 }
 
 /// The volume of a run.
@@ -266,7 +270,12 @@ impl DeviceStats {
     /// The device of `ctx`.
     pub fn of(ctx: &Context) -> Self {
         let info = ctx.device_info();
-        Self { name: info.name.clone(), driver: info.driver.clone(), subgroup_size: info.subgroup_size }
+        Self {
+            name: info.name.clone(),
+            driver: info.driver.clone(),
+            subgroup_size: info.subgroup_size,
+            carry: carry_on(ctx),
+        }
     }
 }
 
@@ -516,7 +525,7 @@ mod tests {
     fn example() -> Stats {
         let pass = |name: &str, iteration, ms| PassStats { name: name.into(), iteration, dispatches: 2, ms };
         Stats {
-            device: DeviceStats { name: "d".into(), driver: "v".into(), subgroup_size: 8 },
+            device: DeviceStats { name: "d".into(), driver: "v".into(), subgroup_size: 8, carry: Carry::LookBack },
             volume: VolumeStats {
                 name: "phantom:x".into(),
                 dims: [3, 5, 7],
@@ -554,6 +563,7 @@ mod tests {
             "/device/name",
             "/device/driver",
             "/device/subgroup_size",
+            "/device/carry",
             "/volume/name",
             "/volume/dims/2",
             "/volume/spacing/2",

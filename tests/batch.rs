@@ -338,13 +338,14 @@ fn videos_are_made_of_all_frames() {
     let place = Place::new();
     fs::create_dir(place.path("bin")).unwrap();
     let with_path = |path: &str, more: &[&str]| {
-        let mut command = place.command(&flags(&[&["--video", "turn.mp4", "--fps", "12.5"], more].concat()));
+        let video = if more.contains(&"--video") { vec![] } else { vec!["--video", "turn.mp4"] };
+        let mut command = place.command(&flags(&[video.as_slice(), &["--fps", "12.5"], more].concat()));
         command.env("PATH", format!("{}:{path}", place.path("bin").display()));
         command
     };
     place.fails_as(with_path("", &[]), 2, &["--video", "ffmpeg", "cure"]);
     let program = "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\nfor last; do :; done\necho \"$*\" >args\n\
-        case $last in *.mp4) ;; *) exit 3 ;; esac\ncat >\"$last\"\n[ -e fail ] && echo no room >&2 && exit 1\nexit 0\n";
+        case $last in *.mp4 | *.webp | *.gif) ;; *) exit 3 ;; esac\ncat >\"$last\"\n[ -e fail ] && echo no room >&2 && exit 1\nexit 0\n";
     place.write("bin/ffmpeg", program);
     fs::set_permissions(place.path("bin/ffmpeg"), fs::Permissions::from_mode(0o755)).unwrap();
     let run = |more: &[&str]| with_path("/usr/bin:/bin", more).output().unwrap();
@@ -361,7 +362,13 @@ fn videos_are_made_of_all_frames() {
     assert!(text(&made.stdout).contains("wrote turn.mp4"), "{}", text(&made.stderr));
     let frames: Vec<u8> = (0..4).flat_map(|i| picture(&place, &format!("frame_{i:04}.png"))).collect();
     assert!(picture(&place, "turn.mp4") == frames);
-    assert!(text(&picture(&place, "args")).contains("-framerate 12.5 -i -"));
+    let args = || text(&picture(&place, "args"));
+    assert!(args().contains("-framerate 12.5 -i -") && args().contains("libx264"), "{}", args());
+    for (video, encoding) in [("turn.webp", "-c:v libwebp_anim"), ("turn.gif", "paletteuse")] {
+        run(&["--video", video]);
+        assert!(picture(&place, video) == frames && args().contains(encoding), "{}", args());
+        assert!(!args().contains("libx264"), "{}", args());
+    }
     let exr = with_path("/usr/bin:/bin", &["-o", "f{}.exr"]).output().unwrap();
     assert!(text(&exr.stderr).contains("a video is made of PNGs"), "{}", text(&exr.stderr));
 }

@@ -421,6 +421,17 @@ fn inspect_reads_raw_files_with_flags() {
     place.fails(&["inspect", "a.raw", "--raw-size", "0x2x1", "--raw-type", "u8"], 2, &["--raw-size", "cure"]);
 }
 
+#[test]
+fn inspect_knows_phantoms() {
+    let place = Place::new();
+    let report = json(&place.succeeds(&["inspect", "phantom:cloud:12x10x8", "--json"]));
+    assert_eq!((&report["name"], &report["dims"]), (&"phantom:cloud".into(), &serde_json::json!([12, 10, 8])));
+    place.fails(&["inspect", "phantom:cloud:12x10"], 2, &["FILE", "three numbers", "cure"]);
+    place.fails(&["inspect", "phantom:fog"], 1, &["'fog'", "cloud", "cure"]);
+    let raw = ["inspect", "phantom:cloud", "--raw-size", "2x2x1", "--raw-type", "u8"];
+    place.fails(&raw, 2, &["--raw-size", "no raw file", "cure"]);
+}
+
 // Compare.
 
 #[test]
@@ -493,6 +504,27 @@ fn render_writes_picture_and_figures() {
     let picture = output::read_picture(&place.path("a.exr")).unwrap();
     assert_eq!((picture.width, picture.height), (24, 16));
     assert!(picture.pixels.iter().any(|p| p[0] > 0.0));
+}
+
+/// Without look-back everything is the same: what a device is told to do where it stalls.
+#[test]
+fn the_way_of_carrying_sums_changes_no_byte() {
+    let place = Place::new();
+    let dispatches = ["look-back", "dispatches"].map(|way| {
+        let proxy = ["--sampling", "resample", "--candidates", "16", "--directions", "4", "--carry", way];
+        place.succeeds(&[&SMALL[..], &proxy, &["-o", &format!("{way}.exr"), "--stats", "s.json", "--quiet"]].concat());
+        let stats = json(&fs::read_to_string(place.path("s.json")).unwrap());
+        assert_eq!(stats["device"]["carry"], way);
+        let passes = stats["passes"].as_array().unwrap();
+        ["compact", "proxy.compress1", "proxy.sort", "proxy.compress2"].map(|name| {
+            let pass = passes.iter().find(|p| p["name"] == name).expect("every pass is there");
+            pass["dispatches"].as_u64().unwrap()
+        })
+    });
+    assert!(dispatches[0].iter().zip(dispatches[1]).all(|(one, three)| three > *one), "{dispatches:?}");
+    let bytes = |name: &str| fs::read(place.path(name)).unwrap();
+    assert!(bytes("look-back.exr") == bytes("dispatches.exr"));
+    place.fails(&[&SMALL[..], &["--carry", "pigeon"]].concat(), 2, &["--carry", "look-back", "dispatches"]);
 }
 
 #[test]

@@ -1094,7 +1094,7 @@ fn environment_images_that_are_refused() {
     std::fs::write(path("empty.hdr"), "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4000 +X 8000\n").unwrap();
     assert_error(load("empty.hdr"), 1, &["empty.hdr", "promises 8000 x 4000 pixels, but has 51 bytes only"]);
     // Found by fuzzing: tiles of 2^28 pixels, for which the decoder would reserve memory.
-    let huge_tiles = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/exr/huge_tiles.exr");
+    let huge_tiles = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/huge_tiles.exr");
     assert_error(LatLong::load(&huge_tiles, 1.0, 0.0), 1, &["huge_tiles.exr", "promises blocks of", "491 bytes only"]);
     let whole = std::fs::read(path("negative.exr")).unwrap();
     std::fs::write(path("cut.exr"), &whole[..whole.len() - 20]).unwrap();

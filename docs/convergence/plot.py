@@ -17,8 +17,9 @@ titles = {
     "projection-steps": "--projection-steps",
     "gather-step": "--gather-step, voxels",
     "camera-step": "--camera-step, voxels",
+    "steps": "both steps, of their defaults",
 }
-figure, axes = plt.subplots(1, 4, figsize=(11, 2.8), sharey=True, layout="constrained")
+figure, axes = plt.subplots(1, 5, figsize=(13, 2.8), sharey=True, layout="constrained")
 for axis, (knob, title) in zip(axes, titles.items()):
     points = [(float(r["value"]), float(r["bias_percent"]), float(r["block_bias_percent"])) for r in rows if r["knob"] == knob]
     x = [p[0] for p in points]

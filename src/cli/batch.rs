@@ -62,7 +62,8 @@ pub struct Args {
     #[arg(long, help_heading = "Output")]
     force: bool,
 
-    /// Make a video of the frames once all of them are there; takes ffmpeg. {scene} as above
+    /// Make a video of the frames once all of them are there (.mp4 and the like, or .webp or .gif, which repeat); takes
+    /// ffmpeg. {scene} as above
     #[arg(long, value_name = "FILE.mp4", help_heading = "Output")]
     video: Option<Pattern>,
 

@@ -6,15 +6,15 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::in_string;
-use crate::Result;
-use crate::scene::RawFlags;
+use crate::scene::{RawFlags, phantom_of};
 use crate::stats::{times, to_json};
 use crate::volume::{self, ScalarType, Volume};
+use crate::{Error, Result};
 
 /// Show a volume's size, placement, values, and how much of it thresholds leave.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// NRRD, MetaImage, NIfTI or raw file.
+    /// NRRD, MetaImage, NIfTI or raw file, or phantom:NAME or phantom:NAME:XxYxZ.
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
@@ -75,7 +75,13 @@ struct Active {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<String> {
-    let volume = volume::load(&args.file, args.raw.layout()?.as_ref())?;
+    let volume = match (phantom_of(&args.file, "FILE")?, args.raw.layout()?) {
+        (Some((name, size)), None) => volume::phantom::generate(&name, size)?,
+        (Some(_), Some(_)) => {
+            return Err(Error::usage("--raw-size", "a phantom is no raw file", "leave the --raw flags out"));
+        }
+        (None, layout) => volume::load(&args.file, layout.as_ref())?,
+    };
     let report = report(&volume, &args.threshold);
     Ok(if args.json { to_json(&report) } else { text(&report) })
 }

@@ -16,6 +16,7 @@ pub mod verify;
 use std::path::PathBuf;
 
 use crate::Result;
+use crate::passes::lookback::Carry;
 use crate::scene;
 use crate::vk::{ContextConfig, Injection, Validation, user_cache_dir};
 
@@ -122,6 +123,10 @@ pub struct DeviceArgs {
     )]
     pub validate: Validation,
 
+    /// How scan and sort carry sums from tile to tile; results are the same [default: by driver, see `tyndall devices`].
+    #[arg(long, value_enum, value_name = "WAY")]
+    pub carry: Option<Carry>,
+
     /// A fault to put in, for tests.
     #[arg(long, value_name = "FAULT", hide = true)]
     pub inject: Option<Injection>,
@@ -137,6 +142,7 @@ impl DeviceArgs {
             validation: self.validate,
             cache_dir,
             injection: self.inject,
+            forward_progress: self.carry.map(|carry| carry == Carry::LookBack),
             ..ContextConfig::default()
         }
     }

@@ -8,7 +8,7 @@ use super::classify::voxel_grid;
 use super::emptiness::Emptiness;
 use super::lookback::{self, Carry, Columns, Diagnostics, Groups, TileKernel};
 use super::scene_data::SceneData;
-use super::tuning::carry_of;
+use super::tuning::carry_on;
 use super::{LIST_WORKGROUP, order_compute};
 use crate::abi::{ChunkArgsPush, CompactPush, MarkPush};
 use crate::shaders::{self, constants};
@@ -166,8 +166,7 @@ impl List {
         chunk_items: u32,
         segment_items: Option<u32>,
     ) -> Result<Self> {
-        let carry = carry_of(ctx.device_info().driver_id);
-        Self::with_carry(ctx, blocks, listed, chunk_items, segment_items, carry)
+        Self::with_carry(ctx, blocks, listed, chunk_items, segment_items, carry_on(ctx))
     }
 
     /// The same, with sums carried in this way instead of the device's.

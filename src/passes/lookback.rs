@@ -304,7 +304,7 @@ impl Report {
     /// Itself, or an error that names `pass` if a kernel reported that its result cannot be trusted.
     pub(crate) fn check(self, pass: &'static str) -> Result<Self> {
         let problems: Vec<&str> = [
-            (constants::ERROR_BUDGET, "look-back ran out of its loop budget"),
+            (constants::ERROR_BUDGET, "look-back ran out of its loop budget (do without it: --carry dispatches)"),
             (constants::ERROR_COUNT, "a count exceeds the capacity that was allocated for it"),
             (constants::ERROR_SUBGROUPS, "subgroups are not full or smaller than the device promised"),
         ]

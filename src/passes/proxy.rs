@@ -14,7 +14,7 @@ use super::quantiser::Quantiser;
 use super::radix_sort::{RadixSort, RadixSortConfig, RadixSortScratch, Sorted};
 use super::scan::{Scan, ScanConfig, ScanScratch};
 use super::scene_data::SceneData;
-use super::tuning::{Tuning, carry_of};
+use super::tuning::{Tuning, carry_on};
 use super::{LIST_WORKGROUP, order_compute};
 use crate::Result;
 use crate::abi::{BucketLightPush, ChunkPush, CompressBucketsPush, CompressRunsPush, ProxyPlanPush};
@@ -155,7 +155,7 @@ impl Proxy {
         let specialization = [&lookback_constants(ctx)[..], &[("WITHHOLD", withhold)]].concat();
         let list = [("WORKGROUP", LIST_WORKGROUP)];
         let tuning = Tuning::of(ctx);
-        let carry = config.carry.unwrap_or_else(|| carry_of(ctx.device_info().driver_id));
+        let carry = config.carry.unwrap_or_else(|| carry_on(ctx));
         let sort = RadixSort::new(ctx, RadixSortConfig { withhold, carry, ..tuning.sort })?;
         let scan = Scan::new(ctx, ScanConfig { withhold, carry, ..tuning.scan })?;
         let tiles = voxels.div_ceil(TILE);

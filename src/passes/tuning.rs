@@ -33,6 +33,17 @@ pub fn carry_of(driver: DriverId) -> Carry {
     if LOOK_BACK_DRIVERS.contains(&driver) { Carry::LookBack } else { Carry::Dispatches }
 }
 
+/// The same for a context, which may know better ([`ContextConfig::forward_progress`]).
+///
+/// [`ContextConfig::forward_progress`]: crate::vk::ContextConfig::forward_progress
+pub fn carry_on(ctx: &Context) -> Carry {
+    match ctx.forward_progress() {
+        Some(true) => Carry::LookBack,
+        Some(false) => Carry::Dispatches,
+        None => carry_of(ctx.device_info().driver_id),
+    }
+}
+
 /// The shapes for a kind of device.
 #[derive(Clone, Copy, Debug)]
 pub struct Tuning {
@@ -73,7 +84,7 @@ impl Tuning {
         // Other subgroup sizes than that measured get what fits every size.
         let is_nvidia = ctx.vendor_id() == NVIDIA && ctx.min_subgroup_size() == 32 && ctx.max_subgroup_size() == 32;
         let Self { scan, sort } = if is_nvidia { Self::nvidia() } else { Self::portable() };
-        let carry = carry_of(ctx.device_info().driver_id);
+        let carry = carry_on(ctx);
         Self { scan: ScanConfig { carry, ..scan }, sort: RadixSortConfig { carry, ..sort } }
     }
 }

@@ -70,7 +70,7 @@ mod select;
 mod sort;
 
 pub use crate::passes::lookback::{Carry, Count, MAX_ITEMS, Report};
-pub use crate::passes::tuning::carry_of;
+pub use crate::passes::tuning::{carry_of, carry_on};
 pub use crate::vk::{BorrowedDevice, Buffer, Context, DriverId, Recorder, enable_features};
 pub use scan::{Scan, ScanKind, ScanScratch};
 pub use select::{Select, SelectScratch, Selected};

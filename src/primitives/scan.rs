@@ -1,6 +1,6 @@
 //! The scan.
 
-use super::{Buffer, Carry, Context, Count, Recording, Word, bound, carry_of, check_apart, check_word, most_items};
+use super::{Buffer, Carry, Context, Count, Recording, Word, bound, carry_on, check_apart, check_word, most_items};
 use crate::passes::scan::{self as pass, ScanConfig, ScanMemory};
 use crate::passes::tuning::Tuning;
 use crate::{Error, Result};
@@ -33,7 +33,7 @@ const WHAT: &str = "scan";
 impl Scan {
     /// Makes the pipelines, in the shape that suits the device. `has_total`: the sum of all items is written too.
     pub fn new(ctx: &Context, kind: ScanKind, has_total: bool) -> Result<Self> {
-        Self::with_carry(ctx, kind, has_total, carry_of(ctx.device_info().driver_id))
+        Self::with_carry(ctx, kind, has_total, carry_on(ctx))
     }
 
     /// The same, with sums carried in this way instead of the one for the driver.

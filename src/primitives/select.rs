@@ -1,6 +1,6 @@
 //! Selection by flags (stream compaction).
 
-use super::{Buffer, Carry, Context, Count, Recording, Word, bound, carry_of, check_apart, check_word, most_items};
+use super::{Buffer, Carry, Context, Count, Recording, Word, bound, carry_on, check_apart, check_word, most_items};
 use crate::passes::select::{self as pass, SelectMemory};
 use crate::{Error, Result};
 
@@ -32,7 +32,7 @@ const WHAT: &str = "select";
 impl Select {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, selected: Selected) -> Result<Self> {
-        Self::with_carry(ctx, selected, carry_of(ctx.device_info().driver_id))
+        Self::with_carry(ctx, selected, carry_on(ctx))
     }
 
     /// The same, with sums carried in this way instead of the one for the driver.

@@ -1,6 +1,6 @@
 //! The radix sort.
 
-use super::{Buffer, Carry, Context, Count, Recording, bound, carry_of, check_apart, most_items};
+use super::{Buffer, Carry, Context, Count, Recording, bound, carry_on, check_apart, most_items};
 use crate::passes::radix_sort::{KeyKind, RadixSort, RadixSortConfig, SortMemory};
 use crate::passes::tuning::Tuning;
 use crate::{Error, Result};
@@ -101,7 +101,7 @@ impl<K: Key> Sort<K> {
     ///
     /// Errors: the device shares too little memory in a workgroup, or a Vulkan call fails.
     pub fn new(ctx: &Context, order: Order, payloads: Payloads) -> Result<Self> {
-        Self::with_carry(ctx, order, payloads, carry_of(ctx.device_info().driver_id))
+        Self::with_carry(ctx, order, payloads, carry_on(ctx))
     }
 
     /// The same, with counts carried in this way instead of the one for the driver.

@@ -15,7 +15,7 @@ mod sequence;
 pub mod transfer;
 pub mod values;
 
-pub use overrides::{LightFlag, Overrides, RawFlags};
+pub use overrides::{LightFlag, Overrides, RawFlags, phantom_of};
 pub use quality::Quality;
 pub use resolve::{merge, resolve};
 pub use sequence::{Player, Sequence, Shot, files_of, load_scene, load_scene_text};

@@ -265,6 +265,18 @@ fn pair(text: &str) -> std::result::Result<[u32; 2], String> {
     list.ok_or_else(|| format!("'{text}' is no size: write WIDTHxHEIGHT in pixels, e.g. 512x512"))
 }
 
+/// Name and size of the phantom that `volume` names, the value of `flag`; `None` if that is a file.
+///
+/// # Errors
+/// The size is none.
+pub fn phantom_of(volume: &Path, flag: &str) -> Result<Option<(String, Option<[u32; 3]>)>> {
+    let Some(phantom) = volume.to_str().and_then(|v| v.strip_prefix("phantom:")) else { return Ok(None) };
+    let (name, size) = phantom.split_once(':').map_or((phantom, None), |(name, size)| (name, Some(size)));
+    let cure = "write phantom:NAME or phantom:NAME:XxYxZ";
+    let size = size.map(triple).transpose().map_err(|problem| Error::usage(flag, problem, cure))?;
+    Ok(Some((name.to_owned(), size)))
+}
+
 impl Overrides {
     /// The flags as a layer over the scene file.
     ///
@@ -273,14 +285,8 @@ impl Overrides {
     pub fn layer(&self) -> Result<SceneFile> {
         let mut layer = SceneFile { preset: self.preset.clone(), background: self.background, ..SceneFile::default() };
 
-        match self.volume.as_deref().and_then(Path::to_str).and_then(|v| v.strip_prefix("phantom:")) {
-            Some(phantom) => {
-                let (name, size) = phantom.split_once(':').map_or((phantom, None), |(name, size)| (name, Some(size)));
-                layer.volume.phantom = Some(name.into());
-                let size = size.map(triple).transpose();
-                let cure = "write phantom:NAME or phantom:NAME:XxYxZ";
-                layer.volume.size = size.map_err(|problem| Error::usage("--volume", problem, cure))?;
-            }
+        match self.volume.as_deref().map(|volume| phantom_of(volume, "--volume")).transpose()?.flatten() {
+            Some((name, size)) => (layer.volume.phantom, layer.volume.size) = (Some(name), size),
             None => layer.volume.file = self.volume.clone(),
         }
         layer.volume.raw = self.raw.table();

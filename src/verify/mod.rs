@@ -226,6 +226,7 @@ impl Bench<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::passes::lookback::Carry;
 
     fn check(value: f64, expected: f64, tolerance: f64) -> Check {
         Check { group: Group::Canary, case: "case".into(), value, expected, tolerance, why: "test" }
@@ -245,7 +246,7 @@ mod tests {
         ] {
             assert!(!check(value, expected, tolerance).passes(), "{value} {expected} {tolerance}");
         }
-        let device = DeviceStats { name: "d".into(), driver: "v".into(), subgroup_size: 8 };
+        let device = DeviceStats { name: "d".into(), driver: "v".into(), subgroup_size: 8, carry: Carry::LookBack };
         let report = |checks| Report { device: device.clone(), seed: 0, checks, seconds: 0.0 };
         assert!(report(vec![check(1.0, 1.0, 0.0)]).passes());
         assert!(!report(vec![check(1.0, 1.0, 0.0), check(f64::NAN, 1.0, 1.0)]).passes());

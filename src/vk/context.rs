@@ -38,6 +38,8 @@ pub struct ContextConfig {
     pub injection: Option<Injection>,
     /// Use no more than so many bytes of device memory.
     pub memory_limit: Option<u64>,
+    /// Whether workgroups that have started go on running, whatever others do, where that is better known than by the driver.
+    pub forward_progress: Option<bool>,
 }
 
 /// A device as `tyndall devices` shows it.
@@ -277,6 +279,7 @@ pub struct Context {
     shared: Arc<DeviceShared>,
     info: DeviceInfo,
     validation: Validation,
+    forward_progress: Option<bool>,
     pipelines: PipelineStore,
 }
 
@@ -619,6 +622,7 @@ struct Parts<'a> {
     validation: Validation,
     injection: Option<Injection>,
     memory_limit: Option<u64>,
+    forward_progress: Option<bool>,
     sink: Arc<Sink>,
     own: Option<Own>,
 }
@@ -683,6 +687,7 @@ impl Context {
             validation: config.validation,
             injection: config.injection,
             memory_limit: config.memory_limit,
+            forward_progress: config.forward_progress,
             sink: instance.sink,
             own: Some(Own {
                 queue: Mutex::new(queue),
@@ -732,6 +737,7 @@ impl Context {
             validation: Validation::Off,
             injection: None,
             memory_limit: None,
+            forward_progress: None,
             sink: Arc::default(),
             own: None,
         })
@@ -739,7 +745,7 @@ impl Context {
 
     fn assemble(parts: Parts<'_>) -> Result<Self> {
         let Parts { instance, physical, device, probe, cache_dir, debug, executables, .. } = parts;
-        let Parts { validation, injection, memory_limit, sink, own, .. } = parts;
+        let Parts { validation, injection, memory_limit, forward_progress, sink, own, .. } = parts;
         // Leaks are reported by `close`, as failures; a log line more would help nobody.
         let mut debug_settings = AllocatorDebugSettings::default();
         debug_settings.log_leaks_on_shutdown = false;
@@ -787,7 +793,8 @@ impl Context {
             bytes_peak: AtomicU64::new(0),
             ids: AtomicU64::new(1),
         };
-        Ok(Self { shared: Arc::new(shared), info: probe.info, validation, pipelines: PipelineStore::default() })
+        let pipelines = PipelineStore::default();
+        Ok(Self { shared: Arc::new(shared), info: probe.info, validation, forward_progress, pipelines })
     }
 
     pub(super) fn shared(&self) -> &Arc<DeviceShared> {
@@ -797,6 +804,11 @@ impl Context {
     /// The device in words.
     pub fn device_info(&self) -> &DeviceInfo {
         &self.info
+    }
+
+    /// What [`ContextConfig::forward_progress`] said.
+    pub fn forward_progress(&self) -> Option<bool> {
+        self.forward_progress
     }
 
     /// The checks that run along.

@@ -1,4 +1,4 @@
-//! A video of finished frames, by ffmpeg.
+//! A video or an animated picture of finished frames, by ffmpeg.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -27,7 +27,7 @@ pub fn check(video: &Path, frames: &Path) -> Result<()> {
     }
 }
 
-/// Makes the video: H.264 in the container that its name asks for.
+/// Makes the video that its name asks for: an animated WebP or GIF, otherwise H.264.
 ///
 /// # Errors
 /// A frame cannot be read, or ffmpeg fails; no video is there then, or the one that was there before.
@@ -54,16 +54,29 @@ pub fn make(video: &Path, frames: &[PathBuf], fps: f64) -> Result<()> {
 }
 
 fn start(video: &Path, fps: f64) -> io::Result<Child> {
-    // Whatever the name of a frame: ffmpeg gets their bytes. H.264 of common players has even sizes and 4:2:0.
+    // Whatever the name of a frame: ffmpeg gets their bytes.
     Command::new(PROGRAM)
         .args(["-hide_banner", "-loglevel", "error", "-y", "-f", "image2pipe", "-c:v", "png"])
         .args(["-framerate", &fps.to_string(), "-i", "-"])
-        .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-crf", "16", "-pix_fmt", "yuv420p"])
+        .args(encoding(video))
         .arg(video)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
+}
+
+/// What ffmpeg is to make of the frames.
+fn encoding(video: &Path) -> &'static [&'static str] {
+    let extension = video.extension().unwrap_or_default().to_ascii_lowercase();
+    match extension.to_str() {
+        // Both are shown over and over (`-loop 0`).
+        Some("webp") => &["-c:v", "libwebp_anim", "-quality", "80", "-loop", "0"],
+        // The 256 colours that suit all frames best.
+        Some("gif") => &["-filter_complex", "split[a][b];[a]palettegen[colours];[b][colours]paletteuse", "-loop", "0"],
+        // H.264 of common players has even sizes and 4:2:0.
+        _ => &["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-crf", "16", "-pix_fmt", "yuv420p"],
+    }
 }
 
 fn feed(child: &mut Child, frames: &[PathBuf]) -> Result<()> {

@@ -5,7 +5,6 @@ use super::super::{DeviceArgs, in_string};
 use crate::bench::primitives::{self, Config, Row};
 use crate::measure::plot::{self, Curve};
 use crate::output;
-use crate::passes::lookback::Carry;
 use crate::passes::radix_sort::RadixSortConfig;
 use crate::passes::scan::ScanConfig;
 use crate::passes::tuning::Tuning;
@@ -37,10 +36,6 @@ struct PrimitiveArgs {
     /// Also print the times of the parts, polls and fallbacks of look-back, and what the driver says about the kernels.
     #[arg(long, help_heading = "Output")]
     details: bool,
-
-    /// How sums get from tile to tile instead of the device's usual way.
-    #[arg(long, value_enum, value_name = "WAY", help_heading = "Bench")]
-    carry: Option<Carry>,
 
     /// Print JSON.
     #[arg(long, help_heading = "Output")]
@@ -171,7 +166,6 @@ pub fn run_scan(args: &ScanArgs) -> Result<String> {
         let shape = ScanConfig {
             workgroup: args.workgroup.unwrap_or(usual.workgroup),
             vectors: args.vectors.unwrap_or(usual.vectors),
-            carry: args.common.carry.unwrap_or(usual.carry),
             spin_limit: args.spin_limit.unwrap_or(usual.spin_limit),
             ..usual
         };
@@ -187,7 +181,6 @@ pub fn run_sort(args: &SortArgs) -> Result<String> {
             workgroup: args.workgroup.or(usual.workgroup),
             keys: args.keys.unwrap_or(usual.keys),
             masks: args.masks.unwrap_or(usual.masks),
-            carry: args.common.carry.unwrap_or(usual.carry),
             ahead: args.ahead.unwrap_or(usual.ahead),
             histogram_workgroup: args.histogram_workgroup.unwrap_or(usual.histogram_workgroup),
             histogram_parts: args.histogram_parts.unwrap_or(usual.histogram_parts),

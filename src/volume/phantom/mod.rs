@@ -225,6 +225,26 @@ mod tests {
         }
     }
 
+    /// What lies at the box's faces is cut off there, which pictures show: single leaves may, a crown may not. (The head's
+    /// shoulders and the heart's vessels do end there, and the tree stands on its floor.)
+    #[test]
+    fn bodies_end_within_their_box() {
+        const N: usize = 96;
+        for name in ["skull", "tree"] {
+            let volume = generate(name, Some([N as u32; 3])).unwrap();
+            for (axis, end) in [(0, 0), (0, N - 1), (1, 0), (1, N - 1), (2, N - 1)] {
+                let is_active = |i: usize| {
+                    let mut at = [i % N, i / N, i / N];
+                    at[usize::from(axis == 0)] = i % N;
+                    at[axis] = end;
+                    volume.value(at[0] + N * (at[1] + N * at[2])) > ACTIVE
+                };
+                let share = (0..N * N).filter(|&i| is_active(i)).count() as f64 / (N * N) as f64;
+                assert!(share < 0.02, "{name}: {share:.3} of the face at {end} along axis {axis} is active");
+            }
+        }
+    }
+
     #[test]
     fn leaving_out_empty_blocks_changes_nothing() {
         struct Everything<'a>(&'a dyn Body);

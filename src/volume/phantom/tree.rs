@@ -15,6 +15,9 @@ const FILLET: f32 = 0.03;
 const GENERATIONS: u32 = 5;
 const FIRST_LEAVES: u32 = 4;
 
+/// Share of a ball's radius to which its leaves reach, but for single tips.
+const LEAF_REACH: f32 = 0.9;
+
 /// Chosen for a well-balanced crown.
 const SEED: u32 = 400;
 
@@ -106,7 +109,13 @@ pub(super) fn tree() -> Box<dyn Body> {
         let from = foot + vec3(0.03 * cos, 0.03 * sin, 0.13);
         rods.push(Rod::new(from.into(), 0.055, (foot + vec3(reach * cos, reach * sin, 0.0)).into(), 0.02));
     }
-    let leaves: Vec<_> = skeleton.leaves.iter().map(|&(centre, radius)| (fit(centre), radius)).collect();
+    // The outermost balls are moved inwards: leaves end within the box, not at its faces.
+    let within = |centre: Vec3, radius: f32| {
+        let room = 1.0 - LEAF_REACH * radius;
+        centre.clamp(Vec3::splat(-room), Vec3::splat(room))
+    };
+    let leaves: Vec<_> =
+        skeleton.leaves.iter().map(|&(centre, radius)| (within(fit(centre), radius), radius)).collect();
     Box::new(Tree {
         rods: Bins::new(Vec3::NEG_ONE, Vec3::ONE, &rods, |rod| rod.bounds(FILLET + EDGE)),
         leaves: Bins::new(Vec3::NEG_ONE, Vec3::ONE, &leaves, |&(centre, radius)| (centre - radius, centre + radius)),
