@@ -83,3 +83,28 @@ fn the_key_frames_shown_are_those_of_the_scene_file() {
     let scene = fs::read_to_string(root().join("scenes/fly.toml")).unwrap();
     assert!(scene.ends_with(block), "docs/batch.md and scenes/fly.toml differ");
 }
+
+/// Every picture of the gallery has a command, every command's picture is shown, and none needs a file of one's own.
+#[test]
+fn the_gallery_shows_what_its_commands_make() {
+    let document = root().join("docs/gallery.md");
+    let text = fs::read_to_string(&document).unwrap();
+    let shown: Vec<&str> =
+        text.split("images/gallery/").skip(1).map(|rest| rest.split(')').next().unwrap_or_default()).collect();
+    let made: Vec<String> = commands(&document)
+        .iter()
+        .map(|words| {
+            let after = |flag: &str| words.iter().position(|word| word == flag).map(|at| words[at + 1].as_str());
+            assert!(after("--volume").is_none_or(|volume| volume.starts_with("phantom:")), "{words:?}");
+            after("--video").or(after("-o")).expect("a picture").to_owned()
+        })
+        .collect();
+    assert!(shown.iter().eq(made.iter()), "shown: {shown:?}\nmade: {made:?}");
+    if !root().join("docs/images").exists() {
+        println!("SKIP: a package has no pictures");
+        return;
+    }
+    for name in shown {
+        assert!(root().join("docs/images/gallery").join(name).is_file(), "{name} is not there: run scripts/gallery");
+    }
+}
