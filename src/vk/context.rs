@@ -16,7 +16,7 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, Allocat
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings, MemoryLocation};
 use std::ffi::CStr;
 use std::marker::PhantomData;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -278,8 +278,7 @@ impl<T: Pod> ImageReadBack<T> {
 pub struct Context {
     shared: Arc<DeviceShared>,
     info: DeviceInfo,
-    validation: Validation,
-    forward_progress: Option<bool>,
+    config: ContextConfig,
     pipelines: PipelineStore,
 }
 
@@ -616,13 +615,9 @@ struct Parts<'a> {
     physical: vk::PhysicalDevice,
     device: ash::Device,
     probe: Probe,
-    cache_dir: Option<&'a Path>,
+    config: ContextConfig,
     debug: Option<ash::ext::debug_utils::Device>,
     executables: Option<ash::khr::pipeline_executable_properties::Device>,
-    validation: Validation,
-    injection: Option<Injection>,
-    memory_limit: Option<u64>,
-    forward_progress: Option<bool>,
     sink: Arc<Sink>,
     own: Option<Own>,
 }
@@ -679,15 +674,11 @@ impl Context {
         let parts = Parts {
             instance: &instance.raw.clone(),
             physical: physical[index],
-            cache_dir: config.cache_dir.as_deref(),
+            config: config.clone(),
             debug: instance.messenger.as_ref().map(|_| ash::ext::debug_utils::Device::new(&instance.raw, &device)),
             executables: tells.then(|| ash::khr::pipeline_executable_properties::Device::new(&instance.raw, &device)),
             device,
             probe,
-            validation: config.validation,
-            injection: config.injection,
-            memory_limit: config.memory_limit,
-            forward_progress: config.forward_progress,
             sink: instance.sink,
             own: Some(Own {
                 queue: Mutex::new(queue),
@@ -731,21 +722,16 @@ impl Context {
             physical: device.physical,
             device: device.device.clone(),
             probe,
-            cache_dir: device.cache_dir.as_deref(),
+            config: ContextConfig { cache_dir: device.cache_dir.clone(), ..ContextConfig::default() },
             debug: None,
             executables: None,
-            validation: Validation::Off,
-            injection: None,
-            memory_limit: None,
-            forward_progress: None,
             sink: Arc::default(),
             own: None,
         })
     }
 
     fn assemble(parts: Parts<'_>) -> Result<Self> {
-        let Parts { instance, physical, device, probe, cache_dir, debug, executables, .. } = parts;
-        let Parts { validation, injection, memory_limit, forward_progress, sink, own, .. } = parts;
+        let Parts { instance, physical, device, probe, config, debug, executables, sink, own } = parts;
         // Leaks are reported by `close`, as failures; a log line more would help nobody.
         let mut debug_settings = AllocatorDebugSettings::default();
         debug_settings.log_leaks_on_shutdown = false;
@@ -759,8 +745,11 @@ impl Context {
             allocation_sizes: AllocationSizes::new(if own.is_some() { 16 << 20 } else { 4 << 20 }, 4 << 20),
         })
         .map_err(|e| Error::Device { pass: "memory allocation", problem: format!("no allocator: {e}") })?;
-        let (cache_file, cached) =
-            cache_dir.map(|folder| CacheFile::open(folder, &probe.properties, &probe.info.driver)).unzip();
+        let (cache_file, cached) = config
+            .cache_dir
+            .as_deref()
+            .map(|folder| CacheFile::open(folder, &probe.properties, &probe.info.driver))
+            .unzip();
         // SAFETY: the device is alive; the data are what its driver gave, as the cache file has checked.
         let pipeline_cache = unsafe { create_cache(&device, &cached.unwrap_or_default()) }.map_err(|result| {
             Error::Vulkan { operation: "vkCreatePipelineCache", object: probe.info.name.clone(), result }
@@ -782,19 +771,18 @@ impl Context {
             interpolates_single: probe.interpolates_single,
             has_timestamps: probe.timestamp_bits > 0 && probe.properties.limits.timestamp_period > 0.0,
             debug,
-            is_gpu_assisted: validation == Validation::GpuAssisted,
-            checks_hazards: cfg!(debug_assertions) || validation != Validation::Off,
-            faults: Faults::new(injection),
+            is_gpu_assisted: config.validation == Validation::GpuAssisted,
+            checks_hazards: cfg!(debug_assertions) || config.validation != Validation::Off,
+            faults: Faults::new(config.injection),
             sink,
             max_allocation: probe.max_allocation,
-            memory: memory_limit.unwrap_or_else(|| device_memory(instance, physical)),
-            is_memory_limited: memory_limit.is_some(),
+            memory: config.memory_limit.unwrap_or_else(|| device_memory(instance, physical)),
+            is_memory_limited: config.memory_limit.is_some(),
             bytes_now: AtomicU64::new(0),
             bytes_peak: AtomicU64::new(0),
             ids: AtomicU64::new(1),
         };
-        let pipelines = PipelineStore::default();
-        Ok(Self { shared: Arc::new(shared), info: probe.info, validation, forward_progress, pipelines })
+        Ok(Self { shared: Arc::new(shared), info: probe.info, config, pipelines: PipelineStore::default() })
     }
 
     pub(super) fn shared(&self) -> &Arc<DeviceShared> {
@@ -808,12 +796,12 @@ impl Context {
 
     /// What [`ContextConfig::forward_progress`] said.
     pub fn forward_progress(&self) -> Option<bool> {
-        self.forward_progress
+        self.config.forward_progress
     }
 
     /// The checks that run along.
     pub fn validation(&self) -> Validation {
-        self.validation
+        self.config.validation
     }
 
     /// Is the device a CPU pretending to be a GPU?
@@ -910,7 +898,7 @@ impl Context {
 
     /// Version of the validation layer, where it is on.
     pub fn layer_version(&self) -> Option<String> {
-        let own = self.shared.own.as_ref().filter(|_| self.validation != Validation::Off)?;
+        let own = self.shared.own.as_ref().filter(|_| self.config.validation != Validation::Off)?;
         validation::layer_version(&own.entry)
     }
 
