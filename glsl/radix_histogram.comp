@@ -1,9 +1,9 @@
 // Histograms of all digits of the keys in one read: the first step of the radix sort.
 //
-// Grid: one workgroup per WORKGROUP * KEYS keys, any shape. No subgroup operations.
+// Grid: one workgroup per WORKGROUP * RADIX_STEP_KEYS * steps keys, any shape. No subgroup operations.
 // Buffers: keys = input, in vectors of four (the last may be cut, see ENDS_AMID);
 //   histogram[pass * RADIX_DIGITS + digit] = count (zero before the dispatch).
-// Shared memory: PARTS words per digit.
+// Shared memory: a counter per digit and pass.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
@@ -16,15 +16,12 @@
 
 layout(local_size_x = 256, local_size_x_id = 0) in;
 layout(constant_id = 0) const uint WORKGROUP = 256u;
-layout(constant_id = 1) const uint KEYS = 128u; // per invocation, a multiple of 4 * LOADS
-// Counters per digit, for neighbouring invocations: those of one subgroup that count the same digit wait for each other.
-layout(constant_id = 2) const uint PARTS = 1u;
-const uint LOADS = 4u; // vectors of an invocation that are under way together
+const uint LOADS = RADIX_STEP_KEYS / 4u; // vectors of an invocation that are under way together
 // What the keys are and their order, see radix.glsl.
-layout(constant_id = 3) const uint KEY_KIND = KEY_U32;
-layout(constant_id = 4) const uint DESCENDING = 0u;
+layout(constant_id = 1) const uint KEY_KIND = KEY_U32;
+layout(constant_id = 2) const uint DESCENDING = 0u;
 // Whether the buffer of keys may end amid a vector.
-layout(constant_id = 5) const uint ENDS_AMID = 0u;
+layout(constant_id = 3) const uint ENDS_AMID = 0u;
 
 layout(set = 0, binding = 0, std430) readonly buffer Keys { uvec4 keys[]; };
 layout(set = 0, binding = 0, scalar) readonly buffer KeysWords { uint key_words[]; };
@@ -36,9 +33,10 @@ layout(push_constant, scalar) uniform RadixHistogramPush {
     uint bit_end;
     uint digit_bits; // of a pass
     uint passes;
+    uint steps; // of a workgroup, at most RADIX_STEPS_MAX
 };
 
-shared uint bins[RADIX_PASSES * RADIX_DIGITS * PARTS];
+shared uint bins[RADIX_PASSES * RADIX_DIGITS];
 
 // The keys of a vector of which the first, 4 * i, exists.
 uvec4 load_keys(uint i, uint end) {
@@ -54,30 +52,30 @@ uvec4 load_keys(uint i, uint end) {
 
 void count_key(uint key) {
     uint image = image_of_key(key, KEY_KIND, DESCENDING);
-    uint part = gl_LocalInvocationIndex % PARTS;
     for (uint pass = 0u; pass < passes; pass++) {
         uint digit = digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), image);
-        atomicAdd(bins[(pass * RADIX_DIGITS + digit) * PARTS + part], 1u, gl_ScopeWorkgroup, 0, 0);
+        // What is added must be seen to be 1: NVIDIA's GPUs add it up for a subgroup's equal digits at once.
+        atomicAdd(bins[pass * RADIX_DIGITS + digit], 1u, gl_ScopeWorkgroup, 0, 0);
     }
 }
 
 void main() {
-    for (uint i = gl_LocalInvocationIndex; i < passes * RADIX_DIGITS * PARTS; i += WORKGROUP) {
+    for (uint i = gl_LocalInvocationIndex; i < passes * RADIX_DIGITS; i += WORKGROUP) {
         bins[i] = 0u;
     }
     barrier();
 
     uint end = item_count(count);
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    uint first = group * (WORKGROUP * KEYS / 4u) + gl_LocalInvocationIndex; // vector
-    for (uint step = 0u; step < KEYS / 4u; step += LOADS) {
+    uint first = group * (steps * LOADS * WORKGROUP) + gl_LocalInvocationIndex; // vector
+    for (uint step = 0u; step < steps; step++) {
         uvec4 loaded[LOADS];
         [[unroll]] for (uint k = 0u; k < LOADS; k++) {
-            uint i = first + (step + k) * WORKGROUP;
+            uint i = first + (step * LOADS + k) * WORKGROUP;
             loaded[k] = 4u * i < end ? load_keys(i, end) : uvec4(0u);
         }
         [[unroll]] for (uint k = 0u; k < LOADS; k++) {
-            uint index = 4u * (first + (step + k) * WORKGROUP);
+            uint index = 4u * (first + (step * LOADS + k) * WORKGROUP);
             [[unroll]] for (uint c = 0u; c < 4u; c++) {
                 if (index + c < end) {
                     count_key(loaded[k][c]);
@@ -88,12 +86,8 @@ void main() {
     barrier();
 
     for (uint i = gl_LocalInvocationIndex; i < passes * RADIX_DIGITS; i += WORKGROUP) {
-        uint sum = 0u;
-        for (uint part = 0u; part < PARTS; part++) {
-            sum += bins[i * PARTS + part];
-        }
-        if (sum != 0u) {
-            atomicAdd(histogram[i], sum, gl_ScopeDevice, 0, 0);
+        if (bins[i] != 0u) {
+            atomicAdd(histogram[i], bins[i], gl_ScopeDevice, 0, 0);
         }
     }
 }

@@ -17,7 +17,6 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
-#extension GL_KHR_shader_subgroup_shuffle : require
 
 #define ITEM_COUNT_BINDING 4
 #define STATUS_BINDING 5
@@ -35,8 +34,9 @@ layout(constant_id = 6) const uint SCRATCH_WORDS = 8192u;
 layout(constant_id = 7) const uint PAYLOADS = 1u;
 // Words of a ballot that are used: 1 where no subgroup has more than 32 lanes, else 4.
 layout(constant_id = 8) const uint BALLOT_WORDS = 4u;
-// Whether equal digits are found by a mask of lanes per digit in shared memory instead of ballots: 0 or 1; needs BALLOT_WORDS 1.
-layout(constant_id = 9) const uint MASKS = 0u;
+// Rows whose equal digits are found by a mask of lanes per digit in shared memory instead of ballots, except where many keys share a
+// digit (RADIX_SKEWED): lanes wait for each other there. Needs BALLOT_WORDS 1.
+layout(constant_id = 9) const uint MASK_ROWS = 0u;
 // Status words that a step of look-back loads at once, so that their latencies overlap.
 layout(constant_id = 10) const uint AHEAD = 1u;
 // What the keys are and their order, see radix.glsl. The first pass turns keys into images, the last one turns them back:
@@ -61,22 +61,26 @@ layout(push_constant, scalar) uniform RadixOnesweepPush {
 
 const uint TILE = WORKGROUP * KEYS;
 const uint DIGITS_EACH = (RADIX_DIGITS + WORKGROUP - 1u) / WORKGROUP;
-// Two 16-bit counters per word: digit d is the low half of word d, digit d + COUNTER_WORDS the high half.
+// Counters of a subgroup, two of 16 bits to a word: the even digit's is the low half.
 const uint COUNTER_WORDS = RADIX_DIGITS / 2u;
+const uint WORDS_EACH = (COUNTER_WORDS + WORKGROUP - 1u) / WORKGROUP;
+const uint PLACE_WORDS = (KEYS + 1u) / 2u; // half a word per row
 const uint PADDING = 0xFFFFFFFFu;
 const uint NO_ROW = 0xFFFFFFFFu;
 
 // First each subgroup's digit counters (then: next places) and masks, then the tile's keys in sorted order, then its payloads.
 shared uint scratch[SCRATCH_WORDS];
-// Per digit: the tile's count, then its first place in the tile, then (fallback) a blocking tile's count, then what to
+// Per digit: its first place in the tile and, 16 bits up, the tile's count, then (fallback) a blocking tile's count, then what to
 // add to a place in the tile to get the place in the output.
 shared uint digits[RADIX_DIGITS];
 
 // The digit's `digit_window`. Read anew in every phase: else compilers keep the digits of all keys
 // in registers from one phase to the next, and registers are what limits the workgroups under way.
 shared uvec2 shared_window;
-// Whether the pass only moves keys on, because all have the same digit (radix_scan.comp).
-shared uint shared_is_copy;
+// What the pass's keys are like: RADIX_* (radix_scan.comp).
+shared uint shared_likeness;
+// Highest status row that somebody misses, NO_ROW: somebody has run out of budget.
+shared uint shared_blocking;
 
 uint digit_at(uint key) {
     return digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), key);
@@ -94,15 +98,11 @@ uint leaving_key(uint key) {
 }
 
 uint counter_word(uint digit) {
-    return gl_SubgroupID * COUNTER_WORDS + digit % COUNTER_WORDS;
+    return gl_SubgroupID * COUNTER_WORDS + digit / 2u;
 }
 
 uint counter_shift(uint digit) {
-    return digit / COUNTER_WORDS * 16u;
-}
-
-uint counter_of(uint word, uint digit) {
-    return word >> counter_shift(digit) & 0xFFFFu;
+    return digit % 2u * 16u;
 }
 
 // Index of the invocation's key in `row` of a tile: the order in which equal digits keep their order.
@@ -110,30 +110,15 @@ uint key_index(uint tile, uint row) {
     return tile * TILE + (gl_SubgroupID * KEYS + row) * gl_SubgroupSize + gl_SubgroupInvocationID;
 }
 
-// The lanes of the subgroup that have the same digit: `rank` = how many of them come before this lane, `size` = how many
-// there are, `leader` = the first.
-void match_digit(uint digit, out uint rank, out uint size, out uint leader) {
+// The lanes of the subgroup that have the same digit: `rank` = how many of them come before this lane, `size` = how many there are.
+void match_digit(uint digit, out uint rank, out uint size) {
     if (gl_SubgroupSize <= BROADCAST_UP_TO) {
         rank = 0u;
         size = 0u;
-        leader = gl_SubgroupSize;
         for (uint lane = 0u; lane < gl_SubgroupSize; lane++) {
             bool same = subgroupBroadcast(digit, lane) == digit;
             rank += same && lane < gl_SubgroupInvocationID ? 1u : 0u;
             size += same ? 1u : 0u;
-            leader = same ? min(leader, lane) : leader;
-        }
-    } else if (MASKS != 0u) {
-        uint word = gl_NumSubgroups * COUNTER_WORDS + gl_SubgroupID * RADIX_DIGITS + digit;
-        atomicOr(scratch[word], gl_SubgroupEqMask.x, gl_ScopeWorkgroup, 0, 0);
-        subgroupBarrier();
-        uint same = scratch[word];
-        rank = bitCount(same & gl_SubgroupLtMask.x);
-        size = bitCount(same);
-        leader = findLSB(same);
-        subgroupBarrier();
-        if (rank == 0u) {
-            scratch[word] = 0u;
         }
     } else if (BALLOT_WORDS == 1u) {
         uint same = 0xFFFFFFFFu;
@@ -145,7 +130,6 @@ void match_digit(uint digit, out uint rank, out uint size, out uint leader) {
         same &= gl_SubgroupSize < 32u ? (1u << gl_SubgroupSize) - 1u : 0xFFFFFFFFu;
         rank = bitCount(same & gl_SubgroupLtMask.x);
         size = bitCount(same);
-        leader = findLSB(same);
     } else {
         uvec4 same = subgroupBallot(true);
         [[unroll]] for (uint bit = 0u; bit < RADIX_BITS; bit++) {
@@ -154,18 +138,66 @@ void match_digit(uint digit, out uint rank, out uint size, out uint leader) {
         }
         rank = subgroupBallotExclusiveBitCount(same);
         size = subgroupBallotBitCount(same);
-        leader = subgroupBallotFindLSB(same);
     }
 }
 
-// Counts the digits of a tile in `digits`: what its owner would have published.
+// MASK_ROWS of KEYS rows, spread evenly: masks and ballots keep different parts of a multiprocessor busy.
+bool is_mask_row(uint row) {
+    return (row + 1u) * MASK_ROWS / KEYS != row * MASK_ROWS / KEYS;
+}
+
+// The next place for a key of this digit among those of the subgroup, lane by lane. Counts it.
+uint take_place(uint digit, bool by_masks) {
+    uint word = counter_word(digit);
+    uint mask = gl_NumSubgroups * COUNTER_WORDS + gl_SubgroupID * RADIX_DIGITS + digit;
+    uint rank, size, before;
+    if (by_masks) {
+        atomicOr(scratch[mask], gl_SubgroupEqMask.x, gl_ScopeWorkgroup, 0, 0);
+        subgroupBarrier();
+        uint same = scratch[mask];
+        before = scratch[word];
+        rank = bitCount(same & gl_SubgroupLtMask.x);
+        size = bitCount(same);
+    } else {
+        match_digit(digit, rank, size);
+        before = scratch[word];
+    }
+    subgroupBarrier(); // all have read
+    if (rank == 0u) {
+        if (by_masks) {
+            scratch[mask] = 0u;
+        }
+        atomicAdd(scratch[word], size << counter_shift(digit), gl_ScopeWorkgroup, 0, 0);
+    }
+    subgroupBarrier(); // the next row sees this row's counts
+    return (before >> counter_shift(digit) & 0xFFFFu) + rank;
+}
+
+// Two rows share a word: the half of row `row`.
+uint half_of(uint word, uint row) {
+    return row % 2u == 0u ? word & 0xFFFFu : word >> 16u;
+}
+
+// Places of all keys among their subgroup's keys of the same digit, row by row: stable.
+void take_places(uint keys[KEYS], bool by_masks, out uint places[PLACE_WORDS]) {
+    uvec2 window = shared_window;
+    [[unroll]] for (uint row = 0u; row < KEYS; row++) {
+        uint place = take_place(digit_in(window, keys[row]), by_masks && is_mask_row(row));
+        places[row / 2u] = row % 2u == 0u ? place : places[row / 2u] | place << 16u;
+    }
+}
+
+// Counts the digits of a tile in `digits`: what its owner would have published. Nobody is blocked from then on.
 void count_digits(uint tile, uint end) {
-    barrier(); // `digits` may still be read
+    barrier(); // `shared_blocking` may still be read
+    if (linear_index() == 0u) {
+        shared_blocking = 0u;
+    }
     for (uint i = linear_index(); i < RADIX_DIGITS; i += WORKGROUP) {
         digits[i] = 0u;
     }
     barrier();
-    for (uint row = 0u; row < KEYS; row++) {
+    [[dont_unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
         if (index < end) {
             atomicAdd(digits[digit_at(load_key(index))], 1u, gl_ScopeWorkgroup, 0, 0);
@@ -174,12 +206,12 @@ void count_digits(uint tile, uint end) {
     barrier();
 }
 
-// Looks back for the invocation's digits [first, first + DIGITS_EACH): `before` = how many keys come before the tile's
-// in the output: those of smaller digits, and those of the same digit in earlier tiles. Publishes the sums with the
-// tile's own `counts` as soon as they are known: others wait for them. False: out of budget, reported.
-bool look_back(
-    uint tile, uint end, uint base, uint first, uint counts[DIGITS_EACH], out uint before[DIGITS_EACH]
-) {
+// Looks back for the invocation's digits [first, first + DIGITS_EACH): how many keys come before the tile's in the output, those of
+// smaller digits and those of the same digit in earlier tiles. Leaves in `digits` that less the digit's first place in the tile.
+// Publishes the sums with the tile's own `counts` as soon as they are known: others wait for them. Ends with a barrier. False: out
+// of budget, reported.
+bool look_back(uint tile, uint end, uint base, uint first, uint starts[DIGITS_EACH], uint counts[DIGITS_EACH]) {
+    uint before[DIGITS_EACH];
     uint row[DIGITS_EACH]; // the status row to look at next, NO_ROW = done
     for (uint i = 0u; i < DIGITS_EACH; i++) {
         before[i] = 0u;
@@ -220,12 +252,19 @@ bool look_back(
             }
             blocking = max(blocking, row[i] == NO_ROW ? 0u : row[i]);
         }
-        bool stuck = false;
         for (uint i = 0u; i < DIGITS_EACH; i++) {
             // Row 0 is complete before this dispatch begins, and is never waited for.
-            stuck = stuck || row[i] == 0u || (row[i] != NO_ROW && steps >= LOOKBACK_BUDGET);
+            bool stuck = row[i] == 0u || (row[i] != NO_ROW && steps >= LOOKBACK_BUDGET);
+            blocking = stuck ? NO_ROW : blocking;
+            if (first + i < RADIX_DIGITS) {
+                digits[first + i] = before[i] - starts[i];
+            }
         }
-        blocking = workgroup_max(stuck ? NO_ROW : blocking);
+        if (blocking != 0u) {
+            atomicMax(shared_blocking, blocking, gl_ScopeWorkgroup, 0, 0);
+        }
+        barrier();
+        blocking = shared_blocking;
         failed = blocking == NO_ROW;
         if (failed || blocking == 0u) {
             break;
@@ -252,28 +291,24 @@ bool look_back(
     return !failed;
 }
 
-// The place of row `row` in its word.
-uint place_in(uint word, uint row) {
-    return row % 2u == 0u ? word & 0xFFFFu : word >> 16u;
-}
-
 void main() {
     uint self = linear_index();
     // While the ticket is on its way.
-    uint cleared = gl_NumSubgroups * (COUNTER_WORDS + MASKS * RADIX_DIGITS);
+    uint cleared = gl_NumSubgroups * (COUNTER_WORDS + min(MASK_ROWS, 1u) * RADIX_DIGITS);
     for (uint i = self; i < cleared; i += WORKGROUP) {
         scratch[i] = 0u;
     }
     if (self == 0u) {
         shared_window = digit_window(pass, bit_begin, bit_end, digit_bits);
-        shared_is_copy = status[RADIX_PASSES + pass];
+        shared_likeness = status[RADIX_PASSES + pass];
+        shared_blocking = 0u;
     }
     uint tile = take_tile(pass);
     uint end = item_count(count);
     if (tile >= (end + TILE - 1u) / TILE) {
         return;
     }
-    if (shared_is_copy != 0u) {
+    if (shared_likeness == RADIX_ALIKE) {
         if (CARRY == CARRY_COUNT) {
             return; // there is nothing to count
         }
@@ -295,101 +330,93 @@ void main() {
         keys[row] = index < end ? load_key(index) : PADDING;
     }
 
-    // Counts first, places later: what other tiles wait for is published as early as can be.
-    [[unroll]] for (uint row = 0u; row < KEYS; row++) {
-        uint digit = digit_at(keys[row]);
-        atomicAdd(scratch[counter_word(digit)], 1u << counter_shift(digit), gl_ScopeWorkgroup, 0, 0);
-    }
-    barrier();
-    for (uint i = self; i < COUNTER_WORDS; i += WORKGROUP) {
-        uint sum = 0u; // both halves of a word at once
-        for (uint subgroup = 0u; subgroup < gl_NumSubgroups; subgroup++) {
-            sum += scratch[subgroup * COUNTER_WORDS + i];
+    uint places[PLACE_WORDS];
+    if (CARRY == CARRY_COUNT) {
+        [[unroll]] for (uint row = 0u; row < KEYS; row++) {
+            uint digit = digit_at(keys[row]);
+            atomicAdd(scratch[counter_word(digit)], 1u << counter_shift(digit), gl_ScopeWorkgroup, 0, 0);
         }
-        digits[i] = sum & 0xFFFFu;
-        digits[i + COUNTER_WORDS] = sum >> 16u;
+    } else if (MASK_ROWS != 0u && shared_likeness != RADIX_SKEWED) {
+        take_places(keys, true, places);
+    } else {
+        take_places(keys, false, places);
     }
     barrier();
 
-    uint counts[DIGITS_EACH];
+    // The tile's counts are what others wait for: they come first. Both halves of a word at once.
+    uint sums[WORDS_EACH];
     uint sum = 0u;
-    for (uint i = 0u; i < DIGITS_EACH; i++) {
-        counts[i] = first + i < RADIX_DIGITS ? digits[first + i] : 0u;
-        sum += counts[i];
-        if (first + i == digit_at(PADDING)) {
-            counts[i] -= TILE - valid_keys;
+    [[unroll]] for (uint i = 0u; i < WORDS_EACH; i++) {
+        uint word = self * WORDS_EACH + i;
+        sums[i] = 0u;
+        if (word < COUNTER_WORDS) {
+            [[unroll]] for (uint subgroup = 0u; subgroup < SUBGROUPS_MAX; subgroup++) {
+                sums[i] += subgroup < gl_NumSubgroups ? scratch[subgroup * COUNTER_WORDS + word] : 0u;
+            }
+            uint padded = digit_at(PADDING);
+            sums[i] -= word == padded / 2u ? TILE - valid_keys << counter_shift(padded) : 0u;
+            uint row = base + (tile + 1u) * RADIX_DIGITS + 2u * word;
+            uvec2 both = uvec2(sums[i] & 0xFFFFu, sums[i] >> 16u);
+            if (may_publish(tile)) {
+                publish_status(row, STATE_READY, both.x);
+                publish_status(row + 1u, STATE_READY, both.y);
+            } else if (CARRY == CARRY_COUNT) {
+                status[row] = both.x;
+                status[row + 1u] = both.y;
+            }
+            sum += both.x + both.y;
         }
-        if (first + i < RADIX_DIGITS && may_publish(tile)) {
-            publish_status(base + (tile + 1u) * RADIX_DIGITS + first + i, STATE_READY, counts[i]);
-        }
+    }
+    if (CARRY == CARRY_COUNT) {
+        return;
     }
     uint all;
     uint start = workgroup_exclusive_add(sum, all);
-    if (CARRY == CARRY_COUNT) {
-        for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
-            status[base + (tile + 1u) * RADIX_DIGITS + first + i] = counts[i];
-        }
-        return;
-    }
-    uint starts[DIGITS_EACH];
-    for (uint i = 0u; i < DIGITS_EACH; i++) {
-        starts[i] = start;
-        start += counts[i];
-        if (first + i < RADIX_DIGITS) {
-            digits[first + i] = starts[i];
-        }
-    }
-    barrier();
-    // Counters become each subgroup's next place for a key of the digit.
-    for (uint i = self; i < COUNTER_WORDS; i += WORKGROUP) {
-        uint next = digits[i] | digits[i + COUNTER_WORDS] << 16u;
-        for (uint subgroup = 0u; subgroup < gl_NumSubgroups; subgroup++) {
-            uint counter = scratch[subgroup * COUNTER_WORDS + i];
-            scratch[subgroup * COUNTER_WORDS + i] = next;
-            next += counter;
+    [[unroll]] for (uint i = 0u; i < WORDS_EACH; i++) {
+        uint word = self * WORDS_EACH + i;
+        if (word < COUNTER_WORDS) {
+            uvec2 both = uvec2(sums[i] & 0xFFFFu, sums[i] >> 16u);
+            digits[2u * word] = start | both.x << 16u;
+            digits[2u * word + 1u] = start + both.x | both.y << 16u;
+            // Counters become the place of each subgroup's first key of the digit.
+            uint next = start | start + both.x << 16u;
+            [[unroll]] for (uint subgroup = 0u; subgroup < SUBGROUPS_MAX; subgroup++) {
+                if (subgroup < gl_NumSubgroups) {
+                    uint counter = scratch[subgroup * COUNTER_WORDS + word];
+                    scratch[subgroup * COUNTER_WORDS + word] = next;
+                    next += counter;
+                }
+            }
+            start += both.x + both.y;
         }
     }
     barrier();
-
-    // Each subgroup takes places for its keys, row by row, lane by lane: stable. Two places to a word.
-    uint places[(KEYS + 1u) / 2u];
     uvec2 window = shared_window;
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint digit = digit_in(window, keys[row]);
-        uint rank, size, leader;
-        match_digit(digit, rank, size, leader);
-        uint before = 0u;
-        if (rank == 0u) {
-            before = atomicAdd(scratch[counter_word(digit)], size << counter_shift(digit), gl_ScopeWorkgroup, 0, 0);
-        }
-        uint place = counter_of(subgroupShuffle(before, leader), digit) + rank;
-        if (row % 2u == 0u) {
-            places[row / 2u] = place;
-        } else {
-            places[row / 2u] |= place << 16u;
-        }
-        subgroupBarrier(); // the next row's leaders see this row's counts
+        uint first_place = scratch[counter_word(digit)] >> counter_shift(digit) & 0xFFFFu;
+        places[row / 2u] += first_place << 16u * (row % 2u);
+    }
+    uint starts[DIGITS_EACH];
+    uint counts[DIGITS_EACH];
+    for (uint i = 0u; i < DIGITS_EACH; i++) {
+        uint both = first + i < RADIX_DIGITS ? digits[first + i] : 0u;
+        starts[i] = both & 0xFFFFu;
+        counts[i] = both >> 16u;
     }
     barrier(); // the counters are dead from here
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
-        scratch[place_in(places[row / 2u], row)] = keys[row];
+        scratch[half_of(places[row / 2u], row)] = keys[row];
     }
-
-    uint before[DIGITS_EACH];
     if (CARRY == CARRY_GIVEN) {
         // Summed up from row 0, whose state has come along.
         for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
-            before[i] = status[base + (tile + 1u) * RADIX_DIGITS + first + i] & VALUE_MASK;
+            digits[first + i] = (status[base + (tile + 1u) * RADIX_DIGITS + first + i] & VALUE_MASK) - starts[i];
         }
-    } else if (!look_back(tile, end, base, first, counts, before)) {
+        barrier();
+    } else if (!look_back(tile, end, base, first, starts, counts)) {
         return; // nothing may be written to a wrong place
     }
-    for (uint i = 0u; i < DIGITS_EACH; i++) {
-        if (first + i < RADIX_DIGITS) {
-            digits[first + i] = before[i] - starts[i];
-        }
-    }
-    barrier();
 
     // In sorted order neighbouring invocations write neighbouring words, except where the digit changes. Four digits to
     // a word.
@@ -415,7 +442,7 @@ void main() {
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
         if (index < end) {
-            scratch[place_in(places[row / 2u], row)] = payloads_in[index];
+            scratch[half_of(places[row / 2u], row)] = payloads_in[index];
         }
     }
     barrier();

@@ -90,6 +90,8 @@ pub struct RadixHistogramPush {
     pub digit_bits: u32,
     /// Passes that follow.
     pub passes: u32,
+    /// How often an invocation takes `RADIX_STEP_KEYS` keys, at most `RADIX_STEPS_MAX`.
+    pub steps: u32,
 }
 
 /// `radix_scan.comp`.

@@ -37,18 +37,65 @@ __global__ void make_keys(uint32_t* keys, uint32_t count, uint32_t ands) {
     keys[i] = key;
 }
 
+__global__ void heat_copy(const uint4* from, uint4* to) {
+    size_t i = size_t(blockIdx.x) * blockDim.x + threadIdx.x;
+    to[i] = from[i];
+}
+
 constexpr int WARM_UPS = 3;
+// As in src/bench/mod.rs: the GPU is kept busy before each run, here so long that all of a run has been launched when it begins:
+// else small inputs would be timed by the host's launches.
+constexpr float HEAT_MS = 2.0f;
+constexpr float WARM_UP_MS = 400.0f;
+constexpr size_t HEAT_WORDS = size_t(1) << 24;
+
+struct Heat {
+    uint4 *from, *to;
+    int copies = 1;
+    cudaEvent_t start, end;
+
+    Heat() {
+        CHECK(cudaMalloc(&from, HEAT_WORDS * 4));
+        CHECK(cudaMalloc(&to, HEAT_WORDS * 4));
+        CHECK(cudaMemset(from, 0, HEAT_WORDS * 4));
+        CHECK(cudaEventCreate(&start));
+        CHECK(cudaEventCreate(&end));
+        work();
+        work();
+        copies = std::min(std::max(int(std::ceil(HEAT_MS / work())), 1), 100);
+        warm_up();
+    }
+
+    void launch() {
+        for (int i = 0; i < copies; i++) heat_copy<<<HEAT_WORDS / 4 / 256, 256>>>(from, to);
+    }
+
+    // ms of a launch.
+    float work() {
+        CHECK(cudaEventRecord(start));
+        launch();
+        CHECK(cudaEventRecord(end));
+        CHECK(cudaEventSynchronize(end));
+        float ms;
+        CHECK(cudaEventElapsedTime(&ms, start, end));
+        return ms;
+    }
+
+    void warm_up() {
+        for (float ms = 0; ms < WARM_UP_MS;) ms += work();
+    }
+};
 
 // Times `run` alone, after `prepare`.
 template <class Prepare, class Run>
-void time_runs(const char* what, uint32_t count, double entropy, int runs, Prepare prepare, Run run) {
+void time_runs(Heat& heat, const char* what, uint32_t count, double entropy, int runs, Prepare prepare, Run run) {
     cudaEvent_t start, end;
     CHECK(cudaEventCreate(&start));
     CHECK(cudaEventCreate(&end));
     std::vector<float> times;
     for (int i = 0; i < WARM_UPS + runs; i++) {
+        heat.launch();
         prepare();
-        CHECK(cudaDeviceSynchronize());
         CHECK(cudaEventRecord(start));
         CHECK(run());
         CHECK(cudaEventRecord(end));
@@ -93,14 +140,15 @@ int main(int argc, char** argv) {
     void* scratch;
     CHECK(cudaMalloc(&scratch, scratch_bytes));
 
+    Heat heat;
     printf("what,items,entropy,ms,p10_ms,p90_ms\n");
     for (int e = from; e <= to; e += step) {
         uint32_t n = 1u << e;
         make_keys<<<(n + 255) / 256, 256>>>(keys_in, n, 1);
-        time_runs("copy", n, -1, runs, [] {}, [&] {
+        time_runs(heat, "copy", n, -1, runs, [] {}, [&] {
             return cudaMemcpyAsync(keys_out, keys_in, n * sizeof(uint32_t), cudaMemcpyDeviceToDevice);
         });
-        time_runs("scan", n, -1, runs, [] {}, [&] {
+        time_runs(heat, "scan", n, -1, runs, [] {}, [&] {
             return cub::DeviceScan::ExclusiveSum(scratch, scratch_bytes, keys_in, keys_out, int(n));
         });
         for (int a = 5; a < argc; a++) {
@@ -109,11 +157,11 @@ int main(int argc, char** argv) {
             double entropy = -one * std::log2(one) - zero * std::log2(zero);
             make_keys<<<(n + 255) / 256, 256>>>(unsorted, n, ands);
             auto prepare = [&] { CHECK(cudaMemcpyAsync(keys_in, unsorted, n * sizeof(uint32_t), cudaMemcpyDeviceToDevice)); };
-            time_runs("sort keys", n, entropy, runs, prepare, [&] {
+            time_runs(heat, "sort keys", n, entropy, runs, prepare, [&] {
                 cub::DoubleBuffer<uint32_t> keys(keys_in, keys_out);
                 return cub::DeviceRadixSort::SortKeys(scratch, scratch_bytes, keys, int(n));
             });
-            time_runs("sort pairs", n, entropy, runs, prepare, [&] {
+            time_runs(heat, "sort pairs", n, entropy, runs, prepare, [&] {
                 cub::DoubleBuffer<uint32_t> keys(keys_in, keys_out), values(values_in, values_out);
                 return cub::DeviceRadixSort::SortPairs(scratch, scratch_bytes, keys, values, int(n));
             });

@@ -49,8 +49,18 @@ const uint RADIX_BITS = 8u;
 const uint RADIX_DIGITS = 256u;
 // Most passes of a radix sort: all bits of a u32.
 const uint RADIX_PASSES = 4u;
-// Words of a radix sort's `status` before the rows: a ticket per pass, then per pass whether all keys share the digit.
+// Words of a radix sort's `status` before the rows: a ticket per pass, then what each pass's keys are like.
 const uint RADIX_HEAD = 8u;
+// All keys share the pass's digit. (0: most digits are rare.)
+const uint RADIX_ALIKE = 1u;
+// Many keys share one digit.
+const uint RADIX_SKEWED = 2u;
+// Many are one of so many.
+const uint RADIX_SKEW = 8u;
+// Keys that an invocation of radix_histogram.comp has under way together.
+const uint RADIX_STEP_KEYS = 16u;
+// How often it may take so many: the loops over all passes then stay within half of MAX_ITERATIONS.
+const uint RADIX_STEPS_MAX = 240u;
 // KEY_KIND: the key is a u32.
 const uint KEY_U32 = 0u;
 // KEY_KIND: the key is the bits of an i32.

@@ -9,9 +9,11 @@ pub mod rivals;
 pub mod scenes;
 
 use crate::measure::processor_ms;
+use crate::passes::bench_copy::{BenchCopy, CopyShape};
 use crate::passes::order_compute;
-use crate::vk::{Context, Recorder, TimedPass};
+use crate::vk::{Access, Buffer, Context, Recorder, TimedPass};
 use crate::{Error, Result};
+use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 /// Times of what a recorder recorded, in ms.
@@ -54,74 +56,127 @@ pub(crate) fn time_passes(ctx: &Context, mut record: impl FnMut(&mut Recorder)) 
     if gpu > 0.0 { Ok(Timing { gpu, cpu: cpu.filter(|&ms| ms > 0.0) }) } else { Err(no_timestamps()) }
 }
 
-/// How a measurement starts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Start {
-    /// The device may have idled: it works for a while before times count, because clocks rise slowly under load.
-    Cold,
-    /// Another measurement has just ended.
-    Warm,
-}
-
-/// How long a cold GPU works first.
-const WARM_UP: Duration = Duration::from_millis(400);
 /// Runs that never count.
 const WARM_UPS: u32 = 3;
+/// How long a GPU works before the first run counts: clocks rise slowly.
+const WARM_UP: Duration = Duration::from_millis(400);
+/// How long it works before each run, so that clocks do not sink while the host records.
+const HEAT_MS: f64 = 2.0;
+/// After a pause as long as this it is cold.
+const PAUSE: Duration = Duration::from_millis(20);
+/// Words of the copies that heat it.
+const HEAT_WORDS: u32 = 1 << 24;
 
-/// One run of what `record` records, after `prepare`, untimed; in its parts ([`Recorder::part`]) or as one pass.
-fn run_once(
-    ctx: &Context,
-    in_parts: bool,
-    prepare: impl Fn(&mut Recorder),
-    record: impl Fn(&mut Recorder),
-) -> Result<Vec<TimedPass>> {
-    let mut rec = Recorder::new(ctx)?;
-    if in_parts {
-        rec.time_parts();
-    }
-    prepare(&mut rec);
-    order_compute(&mut rec);
-    rec.begin_pass("bench", 0);
-    record(&mut rec);
-    rec.end_pass();
-    rec.submit_and_wait()
+/// Times what is recorded, again and again, on a device that is kept busy between the runs: a GPU that idles between
+/// short ones lowers its clocks, and small inputs then look several times slower than they are amid other work.
+pub(crate) struct Timer {
+    heat: Option<Heat>,
+    /// When the device last was at work.
+    worked: Cell<Instant>,
 }
 
-/// The parts of `runs` runs of what `record` records ([`Recorder::part`]); before each, untimed, what `prepare` records.
-///
-/// Errors: the device fails.
-pub(crate) fn time_parts(
-    ctx: &Context,
-    runs: u32,
-    prepare: impl Fn(&mut Recorder),
-    record: impl Fn(&mut Recorder),
-) -> Result<Vec<Vec<TimedPass>>> {
-    (0..runs).map(|_| run_once(ctx, true, &prepare, &record)).collect()
+/// Copies that a GPU does before a run.
+struct Heat {
+    copy: BenchCopy,
+    from: Buffer<u32>,
+    to: Buffer<u32>,
+    copies: u32,
 }
 
-/// GPU times of `runs` runs of what `record` records, in ms, after some that do not count; before each, untimed, what
-/// `prepare` records.
-///
-/// Errors: the device has no timestamps, or fails.
-pub(crate) fn time_each(
-    ctx: &Context,
-    start: Start,
-    runs: u32,
-    prepare: impl Fn(&mut Recorder),
-    record: impl Fn(&mut Recorder),
-) -> Result<Vec<f64>> {
-    let run = || -> Result<f64> {
-        let ms = run_once(ctx, false, &prepare, &record)?.iter().map(|pass| pass.ms).sum();
-        if ms > 0.0 { Ok(ms) } else { Err(no_timestamps()) }
-    };
-    let (began, warms_up) = (Instant::now(), start == Start::Cold && !ctx.is_cpu());
-    for warm_up in 0.. {
-        if warm_up >= WARM_UPS && !(warms_up && began.elapsed() < WARM_UP) {
-            break;
+impl Heat {
+    fn record(&self, rec: &mut Recorder) {
+        for _ in 0..self.copies {
+            self.copy.record(rec, &self.from, &self.to, HEAT_WORDS);
         }
-        run()?;
     }
-    (0..runs).map(|_| run()).collect()
+}
+
+impl Timer {
+    /// For this device; one that is a CPU is not heated.
+    ///
+    /// Errors: no memory for what is copied, or the device fails.
+    pub(crate) fn new(ctx: &Context) -> Result<Self> {
+        if ctx.is_cpu() {
+            return Ok(Self { heat: None, worked: Cell::new(Instant::now()) });
+        }
+        let copy = BenchCopy::new(ctx, CopyShape { workgroup: 256, rows: 4, width: 4 })?;
+        let buffer = |name| ctx.device_buffer(name, HEAT_WORDS as usize);
+        let (from, to) = (buffer("bench.heat_from")?, buffer("bench.heat_to")?);
+        let mut rec = Recorder::new(ctx)?;
+        rec.fill(&from, 0);
+        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
+        rec.submit_and_wait()?;
+        let mut heat = Heat { copy, from, to, copies: 1 };
+        let began = Instant::now();
+        while began.elapsed() < WARM_UP {
+            let ms = time(ctx, |rec| heat.record(rec))?.gpu / f64::from(heat.copies);
+            heat.copies = ((HEAT_MS / ms).ceil() as u32).clamp(1, 100);
+        }
+        Ok(Self { heat: Some(heat), worked: Cell::new(Instant::now()) })
+    }
+
+    /// One run of what `record` records, after `prepare`, untimed; in its parts ([`Recorder::part`]) or as one pass.
+    fn run_once(
+        &self,
+        ctx: &Context,
+        in_parts: bool,
+        prepare: impl Fn(&mut Recorder),
+        record: impl Fn(&mut Recorder),
+    ) -> Result<Vec<TimedPass>> {
+        let mut rec = Recorder::new(ctx)?;
+        if in_parts {
+            rec.time_parts();
+        }
+        if let Some(heat) = &self.heat {
+            heat.record(&mut rec);
+        }
+        prepare(&mut rec);
+        order_compute(&mut rec);
+        rec.begin_pass("bench", 0);
+        record(&mut rec);
+        rec.end_pass();
+        let passes = rec.submit_and_wait()?;
+        self.worked.set(Instant::now());
+        Ok(passes)
+    }
+
+    /// The parts of `runs` runs of what `record` records ([`Recorder::part`]); before each, untimed, what `prepare` records.
+    ///
+    /// Errors: the device fails.
+    pub(crate) fn parts(
+        &self,
+        ctx: &Context,
+        runs: u32,
+        prepare: impl Fn(&mut Recorder),
+        record: impl Fn(&mut Recorder),
+    ) -> Result<Vec<Vec<TimedPass>>> {
+        (0..runs).map(|_| self.run_once(ctx, true, &prepare, &record)).collect()
+    }
+
+    /// GPU times of `runs` runs of what `record` records, in ms, after some that do not count; before each, untimed, what
+    /// `prepare` records.
+    ///
+    /// Errors: the device has no timestamps, or fails.
+    pub(crate) fn each(
+        &self,
+        ctx: &Context,
+        runs: u32,
+        prepare: impl Fn(&mut Recorder),
+        record: impl Fn(&mut Recorder),
+    ) -> Result<Vec<f64>> {
+        let run = || -> Result<f64> {
+            let ms = self.run_once(ctx, false, &prepare, &record)?.iter().map(|pass| pass.ms).sum();
+            if ms > 0.0 { Ok(ms) } else { Err(no_timestamps()) }
+        };
+        let (began, is_cold) = (Instant::now(), self.heat.is_some() && self.worked.get().elapsed() > PAUSE);
+        for warm_up in 0.. {
+            if warm_up >= WARM_UPS && !(is_cold && began.elapsed() < WARM_UP) {
+                break;
+            }
+            run()?;
+        }
+        (0..runs).map(|_| run()).collect()
+    }
 }
 
 fn no_timestamps() -> Error {

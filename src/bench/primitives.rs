@@ -1,7 +1,7 @@
 //! `tyndall bench scan` and `tyndall bench sort`: how fast the primitives are, against copies of as many words in the
 //! same run. Every result is checked before its times count.
 
-use super::{Start, time_each, time_parts};
+use super::Timer;
 use crate::cpu;
 use crate::passes::bench_copy::{BenchCopy, CopyShape};
 use crate::passes::lookback::{Carry, Count, Diagnostics, MAX_ITEMS};
@@ -12,6 +12,8 @@ use crate::vk::{Access, Buffer, Context, Recorder};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::cell::Cell;
+use std::num::NonZero;
+use std::thread;
 use std::time::Instant;
 
 /// Options.
@@ -130,6 +132,7 @@ const PART_RUNS: u32 = 5;
 /// Adds to `row` what [`PART_RUNS`] runs of its own show.
 fn add_parts(
     ctx: &Context,
+    timer: &Timer,
     row: &mut Row,
     diagnostics: &Diagnostics,
     prepare: impl Fn(&mut Recorder),
@@ -138,7 +141,7 @@ fn add_parts(
     let mut rec = Recorder::new(ctx)?;
     diagnostics.clear(&mut rec);
     rec.submit_and_wait()?;
-    let runs = time_parts(ctx, PART_RUNS, prepare, record)?;
+    let runs = timer.parts(ctx, PART_RUNS, prepare, record)?;
     let report = diagnostics.check(ctx, "bench")?;
     // The first is empty: it ends where the first part begins.
     row.parts = (1..runs[0].len())
@@ -160,7 +163,16 @@ const COPIES: [(&str, CopyShape); 4] = [
 /// Keys that are the AND of `ands` random words.
 pub fn keys(count: u32, ands: u32) -> Vec<u32> {
     let word = |i: u32, k: u32| cpu::rng::random_word(cpu::rng::stream_key(i, k, 0, 0), 1);
-    (0..count).map(|i| (0..ands).fold(u32::MAX, |key, k| key & word(i, k))).collect()
+    let key = move |i: u32| (0..ands).fold(u32::MAX, |key, k| key & word(i, k));
+    let mut keys = vec![0; count as usize];
+    let threads = thread::available_parallelism().map_or(1, NonZero::get);
+    let part = keys.len().div_ceil(threads).max(1);
+    thread::scope(|scope| {
+        for (keys, first) in keys.chunks_mut(part).zip((0..).step_by(part)) {
+            scope.spawn(move || keys.iter_mut().zip(first..).for_each(|(word, i)| *word = key(i)));
+        }
+    });
+    keys
 }
 
 fn most(config: &Config) -> u32 {
@@ -180,6 +192,7 @@ fn wrong(pass: &'static str, what: &str, items: u32) -> Error {
 /// Times of copies of `n` words, and the largest bandwidth among them.
 fn copies(
     ctx: &Context,
+    timer: &Timer,
     shapes: &[(&str, BenchCopy)],
     (from, to): (&Buffer<u32>, &Buffer<u32>),
     n: u32,
@@ -187,9 +200,8 @@ fn copies(
 ) -> Result<Vec<Row>> {
     let row = |what: &str, times: &[f64]| Row::new(what, n, None, SCAN_BYTES, times);
     let mut rows = Vec::new();
-    let times = time_each(
+    let times = timer.each(
         ctx,
-        Start::Cold,
         runs,
         |_| {},
         |rec| {
@@ -202,7 +214,7 @@ fn copies(
     rows.push(row("vkCmdCopyBuffer", &times));
     for (name, copy) in shapes {
         if n.is_multiple_of(4) {
-            rows.push(row(name, &time_each(ctx, Start::Warm, runs, |_| {}, |rec| copy.record(rec, from, to, n))?));
+            rows.push(row(name, &timer.each(ctx, runs, |_| {}, |rec| copy.record(rec, from, to, n))?));
         }
     }
     let best = rows.iter().map(|r| r.bytes_per_second).fold(0.0, f64::max);
@@ -224,6 +236,7 @@ fn best_copy(rows: &[Row], n: u32) -> f64 {
 ///
 /// Errors: the device fails, has no timestamps, or computes a wrong sum.
 pub fn scan(ctx: &Context, config: &Config, shape: ScanConfig, progress: &mut dyn FnMut(f64)) -> Result<Vec<Row>> {
+    let timer = Timer::new(ctx)?;
     let scan = Scan::new(ctx, shape)?;
     let shapes = copy_shapes(ctx)?;
     let most = most(config);
@@ -233,11 +246,11 @@ pub fn scan(ctx: &Context, config: &Config, shape: ScanConfig, progress: &mut dy
     let output = ctx.device_buffer("bench.sums", most as usize)?;
     let mut rows = Vec::new();
     for (i, &n) in config.sizes.iter().enumerate() {
-        rows.extend(copies(ctx, &shapes, (&input, &output), n, config.runs)?);
+        rows.extend(copies(ctx, &timer, &shapes, (&input, &output), n, config.runs)?);
         let record = |rec: &mut Recorder| scan.record(rec, &input, &output, Count::Host(n), &scratch);
-        let times = time_each(ctx, Start::Warm, config.runs, |_| {}, record)?;
+        let times = timer.each(ctx, config.runs, |_| {}, record)?;
         let mut row = Row::new(&name_of("scan", shape.carry), n, None, SCAN_BYTES, &times);
-        add_parts(ctx, &mut row, scratch.diagnostics(), |_| {}, record)?;
+        add_parts(ctx, &timer, &mut row, scratch.diagnostics(), |_| {}, record)?;
         let sums = ctx.read_back_range(&output, 0..n as usize)?;
         let expected = if shape.inclusive { cpu::scan::inclusive } else { cpu::scan::exclusive };
         if sums != expected(&items[..n as usize]) {
@@ -302,6 +315,7 @@ fn rivals(config: &Config, keys: &[u32], ands: u32) -> Vec<Row> {
 ///
 /// Errors: the device fails, has no timestamps, or sorts wrongly.
 pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &mut dyn FnMut(f64)) -> Result<Vec<Row>> {
+    let timer = Timer::new(ctx)?;
     let shapes = copy_shapes(ctx)?;
     let most = most(config);
     let places: Vec<u32> = (0..most).collect();
@@ -311,7 +325,7 @@ pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &m
     let mut rows = Vec::new();
     let mut done = 0.0;
     for &n in &config.sizes {
-        rows.extend(copies(ctx, &shapes, (&place_buffer, &payload_buffer), n, config.runs)?);
+        rows.extend(copies(ctx, &timer, &shapes, (&place_buffer, &payload_buffer), n, config.runs)?);
     }
     for payloads in [false, true] {
         let sort = RadixSort::new(ctx, RadixSortConfig { payloads, ..shape })?;
@@ -341,10 +355,10 @@ pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &m
                         Sorted { keys, payloads: keys }
                     }));
                 };
-                let times = time_each(ctx, Start::Cold, config.runs, prepare, record)?;
+                let times = timer.each(ctx, config.runs, prepare, record)?;
                 let entropy = Some(entropy_of(ands));
                 let mut row = Row::new(&what, n, entropy, sort_bytes(config.bits, payloads), &times);
-                add_parts(ctx, &mut row, scratch.diagnostics(), prepare, record)?;
+                add_parts(ctx, &timer, &mut row, scratch.diagnostics(), prepare, record)?;
                 let result = result.get().expect("every run sets it");
                 let sorted = ctx.read_back_range(result.keys, 0..n as usize)?;
                 let places = if payloads { Some(ctx.read_back_range(result.payloads, 0..n as usize)?) } else { None };

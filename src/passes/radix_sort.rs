@@ -8,8 +8,10 @@ use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// Keys per invocation of the histogram: few enough for the loop budget, many enough to make flushing the bins cheap.
-const HISTOGRAM_KEYS: u32 = 128;
+/// Words of the histograms of all passes. Behind them a storage buffer may begin: 4 KiB are more than any device's alignment.
+const HISTOGRAM_WORDS: u32 = constants::RADIX_PASSES * constants::RADIX_DIGITS;
+/// Workgroups of the histogram where there are keys enough: they fill a large device, and more would only add to what they write.
+const HISTOGRAM_GROUPS: u32 = 256;
 
 /// What the keys' words are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,14 +58,13 @@ pub struct RadixSortConfig {
     pub withhold: u32,
     /// Widest subgroup that finds equal digits by broadcasts instead of ballots.
     pub broadcast_up_to: u32,
-    /// Whether equal digits are found by masks in shared memory, where subgroups have at most 32 lanes.
-    pub masks: bool,
+    /// Of an invocation's keys, for how many equal digits are found by masks in shared memory, where subgroups have at most 32
+    /// lanes and digits are not skewed; for the others by ballots.
+    pub mask_rows: u32,
     /// Status words that a step of look-back loads at once.
     pub ahead: u32,
     /// Invocations of a workgroup of the histogram.
     pub histogram_workgroup: u32,
-    /// Counters per digit of the histogram: 1, 2, 4 or 8.
-    pub histogram_parts: u32,
 }
 
 impl Default for RadixSortConfig {
@@ -79,10 +80,9 @@ impl Default for RadixSortConfig {
             spin_limit: 64,
             withhold: 0,
             broadcast_up_to: 8,
-            masks: false,
+            mask_rows: 0,
             ahead: 1,
             histogram_workgroup: 256,
-            histogram_parts: 1,
         }
     }
 }
@@ -94,7 +94,8 @@ pub struct RadixSort {
     onesweep: TileKernel,
     args: DispatchArgs,
     tile: u32,
-    histogram_tile: u32,
+    /// Keys that a workgroup of the histogram has under way together.
+    histogram_step: u32,
     payloads: bool,
 }
 
@@ -106,6 +107,8 @@ pub(crate) struct SortMemory {
     /// In place of the caller's payloads, where there are none: of the source's and of the target's, since one pass binds
     /// both.
     none: [Buffer<u32>; 2],
+    /// Zero before a sort: the histogram, and the status words behind it.
+    zeroed: Buffer<u32>,
     histogram: Buffer<u32>,
     status: Buffer<u32>,
     args: Buffer<u32>,
@@ -157,7 +160,7 @@ impl RadixSort {
         assert!((1..=32).contains(&config.keys), "{} keys; radix_onesweep.comp takes 1 to 32", config.keys);
         let narrow = ctx.min_subgroup_size();
         let limit = ctx.max_shared_bytes();
-        let has_masks = config.masks && ctx.max_subgroup_size() <= 32;
+        let has_masks = config.mask_rows > 0 && ctx.max_subgroup_size() <= 32;
         let shared = |workgroup| Shared::of(workgroup, config.keys, has_masks, narrow);
         let workgroup = config.workgroup.unwrap_or(if shared(256).bytes <= limit { 256 } else { 128 });
         let shared = shared(workgroup);
@@ -175,14 +178,8 @@ impl RadixSort {
             ));
         }
         let (kind, descending) = (("KEY_KIND", config.kind.code()), ("DESCENDING", config.descending.into()));
-        let histogram = [
-            ("WORKGROUP", config.histogram_workgroup),
-            ("KEYS", HISTOGRAM_KEYS),
-            ("PARTS", config.histogram_parts),
-            kind,
-            descending,
-            ("ENDS_AMID", config.ends_amid.into()),
-        ];
+        let histogram =
+            [("WORKGROUP", config.histogram_workgroup), kind, descending, ("ENDS_AMID", config.ends_amid.into())];
         let scan = [("WORKGROUP", workgroup), ("SUBGROUP_MIN", narrow)];
         let onesweep = [
             ("WORKGROUP", workgroup),
@@ -195,7 +192,7 @@ impl RadixSort {
             ("PAYLOADS", config.payloads.into()),
             ("BALLOT_WORDS", if ctx.max_subgroup_size() <= 32 { 1 } else { 4 }),
             ("AHEAD", config.ahead),
-            ("MASKS", has_masks.into()),
+            ("MASK_ROWS", if has_masks { config.mask_rows } else { 0 }),
             kind,
             descending,
         ];
@@ -205,7 +202,7 @@ impl RadixSort {
             onesweep: TileKernel::new(ctx, &shaders::RADIX_ONESWEEP, &onesweep, config.carry)?,
             args: DispatchArgs::new(ctx)?,
             tile: workgroup * config.keys,
-            histogram_tile: config.histogram_workgroup * HISTOGRAM_KEYS,
+            histogram_step: config.histogram_workgroup * constants::RADIX_STEP_KEYS,
             payloads: config.payloads,
         })
     }
@@ -220,17 +217,16 @@ impl RadixSort {
         count.div_ceil(self.tile) + 1
     }
 
-    fn status_words(&self, count: u32, passes: u32) -> u64 {
+    fn zeroed_words(&self, count: u32, passes: u32) -> u64 {
         let words = u64::from(passes) * u64::from(self.rows(count)) * u64::from(constants::RADIX_DIGITS);
-        u64::from(constants::RADIX_HEAD) + words
+        u64::from(HISTOGRAM_WORDS) + u64::from(constants::RADIX_HEAD) + words
     }
 
     /// Bytes of device memory that [`RadixSort::scratch`] takes.
     pub fn scratch_bytes(&self, capacity: u32) -> u64 {
-        let small =
-            constants::RADIX_PASSES * constants::RADIX_DIGITS + constants::ARGS_WORDS + constants::DIAGNOSTICS_WORDS;
+        let small = constants::ARGS_WORDS + constants::DIAGNOSTICS_WORDS;
         4 * ((1 + u64::from(self.payloads)) * u64::from(capacity)
-            + self.status_words(capacity, constants::RADIX_PASSES)
+            + self.zeroed_words(capacity, constants::RADIX_PASSES)
             + u64::from(small))
     }
 
@@ -239,15 +235,13 @@ impl RadixSort {
         Ok(RadixSortScratch { memory: self.memory(ctx, None, capacity)?, diagnostics: Diagnostics::new(ctx)? })
     }
 
-    fn parts(&self, capacity: u32) -> [(&'static str, u64); 7] {
-        let histogram = constants::RADIX_PASSES * constants::RADIX_DIGITS;
+    fn parts(&self, capacity: u32) -> [(&'static str, u64); 6] {
         [
             ("radix_sort.keys", capacity.into()),
             ("radix_sort.payloads", if self.payloads { capacity.into() } else { 0 }),
             ("radix_sort.none", 0),
             ("radix_sort.none_sorted", 0),
-            ("radix_sort.histogram", histogram.into()),
-            ("radix_sort.status", self.status_words(capacity, constants::RADIX_PASSES)),
+            ("radix_sort.status", self.zeroed_words(capacity, constants::RADIX_PASSES)),
             ("radix_sort.args", constants::ARGS_WORDS.into()),
         ]
     }
@@ -260,9 +254,10 @@ impl RadixSort {
     /// Memory for sorts of up to `capacity` pairs: new, or a part of `within`.
     pub(crate) fn memory(&self, ctx: &Context, within: Option<&Buffer<u32>>, capacity: u32) -> Result<SortMemory> {
         lookback::check_capacity("radix sort", capacity)?;
-        let [keys, payloads, none, none_sorted, histogram, status, args] =
-            lookback::arrays(ctx, within, self.parts(capacity))?;
-        Ok(SortMemory { capacity, keys, payloads, none: [none, none_sorted], histogram, status, args })
+        let [keys, payloads, none, none_sorted, zeroed, args] = lookback::arrays(ctx, within, self.parts(capacity))?;
+        let at = HISTOGRAM_WORDS as usize;
+        let (histogram, status) = (zeroed.slice(0..at), zeroed.slice(at..zeroed.len()));
+        Ok(SortMemory { capacity, keys, payloads, none: [none, none_sorted], zeroed, histogram, status, args })
     }
 
     /// Sorts the first `count` keys by bits `bits`, of a sort without payloads; else as [`RadixSort::record`].
@@ -365,31 +360,32 @@ impl RadixSort {
             .map(|s| if self.payloads { s.keys.len().min(s.payloads.len()) } else { s.keys.len() });
         let capacity = lengths.into_iter().fold(memory.capacity as usize, usize::min) as u32;
         let most = match count {
-            Count::Host(n) => {
-                assert!(n <= capacity, "sort of {n} pairs with room for {capacity}");
-                n
-            }
-            Count::Gpu { buffer, offset } => {
-                let tiles = [self.histogram_tile, self.tile];
-                self.args.record(rec, (buffer, offset), capacity, tiles, &memory.args, diagnostics);
-                capacity
-            }
+            Count::Host(n) => n,
+            Count::Gpu { .. } => capacity,
         };
+        assert!(most <= capacity, "sort of {most} pairs with room for {capacity}");
+        let steps = (most / (self.histogram_step * HISTOGRAM_GROUPS)).clamp(1, constants::RADIX_STEPS_MAX);
+        let histogram_tile = self.histogram_step * steps;
+        if let Count::Gpu { buffer, offset } = count {
+            let tiles = [histogram_tile, self.tile];
+            self.args.record(rec, (buffer, offset), capacity, tiles, &memory.args, diagnostics);
+        }
         let rows = self.rows(most);
         let pushed = count.pushed();
 
         rec.part("clear");
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
-        rec.fill(&memory.histogram, 0);
-        rec.fill_range(&memory.status, 0..self.status_words(most, passes), 0);
-        rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
-        rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
+        rec.fill_range(&memory.zeroed, 0..self.zeroed_words(most, passes), 0);
+        rec.barriers(&[
+            (Access::TransferWrite, Access::ComputeReadWrite),
+            (Access::ComputeReadWrite, Access::ComputeReadWrite),
+        ]);
 
         rec.part("histogram");
         let binds =
             [("keys", source.keys.bind()), ("args", memory.args.bind()), ("histogram", memory.histogram.bind())];
-        let push = RadixHistogramPush { count: pushed, bit_begin, bit_end, digit_bits, passes };
-        Groups::of_tiles(count, self.histogram_tile, (&memory.args, 0)).run(rec, &self.histogram, &binds, &push);
+        let push = RadixHistogramPush { count: pushed, bit_begin, bit_end, digit_bits, passes, steps };
+        Groups::of_tiles(count, histogram_tile, (&memory.args, 0)).run(rec, &self.histogram, &binds, &push);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
 
         let status = || [("status", memory.status.bind()), ("diagnostics", diagnostics.buffer().bind())];

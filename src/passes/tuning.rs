@@ -69,10 +69,9 @@ impl Tuning {
             sort: RadixSortConfig {
                 workgroup: Some(384),
                 keys: 15,
-                masks: true,
+                mask_rows: 11,
                 ahead: 4,
                 histogram_workgroup: 1024,
-                histogram_parts: 8,
                 spin_limit,
                 ..portable.sort
             },

@@ -224,20 +224,28 @@ impl Recorder {
     /// Orders everything recorded before with access `from` before everything recorded later with access `to`, and
     /// makes the writes among them visible.
     pub fn barrier(&mut self, from: Access, to: Access) {
+        self.barriers(&[(from, to)]);
+    }
+
+    /// Several barriers at once: a device waits once for all of them.
+    pub fn barriers(&mut self, barriers: &[(Access, Access)]) {
         if self.device.faults.is(Injection::MissingBarrier) {
             return;
         }
         if let Some(tracker) = &mut self.tracker {
-            tracker.barrier(from, to);
+            barriers.iter().for_each(|&(from, to)| tracker.barrier(from, to));
         }
-        let ((src_stage, src_access), (dst_stage, dst_access)) = (from.to_vk(), to.to_vk());
-        let barriers = [vk::MemoryBarrier2::default()
-            .src_stage_mask(src_stage)
-            .src_access_mask(src_access)
-            .dst_stage_mask(dst_stage)
-            .dst_access_mask(dst_access)];
+        let of = |&(from, to): &(Access, Access)| {
+            let ((src_stage, src_access), (dst_stage, dst_access)) = (from.to_vk(), to.to_vk());
+            vk::MemoryBarrier2::default()
+                .src_stage_mask(src_stage)
+                .src_access_mask(src_access)
+                .dst_stage_mask(dst_stage)
+                .dst_access_mask(dst_access)
+        };
+        let barriers: Vec<_> = barriers.iter().map(of).collect();
         let info = vk::DependencyInfo::default().memory_barriers(&barriers);
-        // SAFETY: the command buffer is recording; the barrier outlives the call.
+        // SAFETY: the command buffer is recording; the barriers outlive the call.
         unsafe { self.device.raw.cmd_pipeline_barrier2(self.commands, &info) };
     }
 

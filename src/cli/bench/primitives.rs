@@ -107,17 +107,13 @@ pub struct SortArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
     keys: Option<u32>,
 
-    /// Whether equal digits are found by masks in shared memory: true or false.
-    #[arg(long, value_name = "BOOL", help_heading = "Bench")]
-    masks: Option<bool>,
+    /// Of an invocation's keys, for how many equal digits are found by masks in shared memory.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=32), help_heading = "Bench")]
+    mask_rows: Option<u32>,
 
     /// Invocations of a workgroup of the histogram.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=1024), help_heading = "Bench")]
     histogram_workgroup: Option<u32>,
-
-    /// Counters per digit of the histogram.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8), help_heading = "Bench")]
-    histogram_parts: Option<u32>,
 
     /// Status words that a step of look-back loads at once.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
@@ -180,10 +176,9 @@ pub fn run_sort(args: &SortArgs) -> Result<String> {
         let shape = RadixSortConfig {
             workgroup: args.workgroup.or(usual.workgroup),
             keys: args.keys.unwrap_or(usual.keys),
-            masks: args.masks.unwrap_or(usual.masks),
+            mask_rows: args.mask_rows.unwrap_or(usual.mask_rows),
             ahead: args.ahead.unwrap_or(usual.ahead),
             histogram_workgroup: args.histogram_workgroup.unwrap_or(usual.histogram_workgroup),
-            histogram_parts: args.histogram_parts.unwrap_or(usual.histogram_parts),
             spin_limit: args.spin_limit.unwrap_or(usual.spin_limit),
             ..usual
         };
