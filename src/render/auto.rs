@@ -115,10 +115,11 @@ const LEAST_GAIN: f64 = 1.25;
 /// Most candidates in terms of the directions asked for.
 const MOST_CANDIDATES: u32 = 4;
 
-/// The largest gather that may be chosen, for the sizes of its lists.
-pub fn largest(wanted: &GatherConfig) -> GatherConfig {
-    let candidates = (MOST_CANDIDATES * wanted.directions).min(1024);
-    GatherConfig { sampling: Sampling::Residual, candidates, ..*wanted }
+/// Most candidates that may be chosen where the lists of a cell may have so many words. The dispatches of all passes would have to
+/// be smaller for longer lists, and `phase` slower for what it does not use.
+pub fn most_candidates(wanted: &GatherConfig, words: u64) -> u32 {
+    let fitting = words.saturating_sub(u64::from(wanted.directions)).max(1);
+    fitting.min(u64::from((MOST_CANDIDATES * wanted.directions).min(1024))) as u32
 }
 
 /// What a pilot found. Variances are those of a mean over directions, times their number; in units that do not matter.
@@ -173,15 +174,14 @@ pub struct Work {
     pub voxels: f64,
 }
 
-/// Decides.
-pub fn decide(found: &Found, costs: &Costs, work: &Work, wanted: &GatherConfig) -> AutoStats {
+/// Decides, on `most` candidates at most.
+pub fn decide(found: &Found, costs: &Costs, work: &Work, wanted: &GatherConfig, most: u32) -> AutoStats {
     let phase_ray = costs.traced_ray + costs.traced_step * found.traced_steps;
     let proxy_ray = costs.proxy_ray + costs.proxy_step * found.proxy_steps;
     let residual_ray = phase_ray + proxy_ray;
     // The least V0/M + V1/N for a time, and the other way round, has M/N = √(V0 C1/(V1 C0)).
     let variance = found.phase / f64::from(wanted.directions);
     let best = (found.proxy + (found.proxy * found.residual * residual_ray / proxy_ray).sqrt()) / variance;
-    let most = largest(wanted).candidates;
     // A ratio of nothing to nothing is no number, and leads to `phase`.
     let candidates = if best.is_finite() { (best.floor() + 1.0).min(f64::from(most)) } else { 1.0 };
     let directions = (found.residual / (variance - found.proxy / candidates)).ceil().max(1.0);
@@ -234,13 +234,15 @@ mod tests {
 
     const WORK: Work = Work { shares: 1e6, cells: 1.5e6, voxels: 1e6 };
 
+    const MOST: u32 = 192;
+
     /// Variances relative to `phase`, and steps.
     fn found(proxy: f64, residual: f64, traced_steps: f64) -> Found {
         Found { phase: 3.0, proxy: 3.0 * proxy, residual: 3.0 * residual, traced_steps, proxy_steps: 5.0 }
     }
 
     fn decided(found: Found) -> AutoStats {
-        decide(&found, &USUAL_COSTS, &WORK, &WANTED)
+        decide(&found, &USUAL_COSTS, &WORK, &WANTED, MOST)
     }
 
     #[test]
@@ -275,7 +277,7 @@ mod tests {
             assert_eq!(d.config(&WANTED), GatherConfig { candidates: 1, ..WANTED }, "{case}");
         }
         // A build of many voxels for few cells.
-        let d = decide(&found(0.9, 0.1, 60.0), &USUAL_COSTS, &Work { voxels: 1e9, ..WORK }, &WANTED);
+        let d = decide(&found(0.9, 0.1, 60.0), &USUAL_COSTS, &Work { voxels: 1e9, ..WORK }, &WANTED, MOST);
         assert_eq!(d.sampling, Sampling::Phase, "{d:?}");
     }
 
@@ -285,11 +287,14 @@ mod tests {
         let d = decided(Found { residual: 0.0, proxy_steps: 0.0, ..found(1.0, 0.0, 1000.0) });
         assert_eq!((d.sampling, d.directions), (Sampling::Residual, 1), "{d:?}");
         let config = d.config(&WANTED);
-        assert!(config.candidates <= largest(&WANTED).candidates && config.candidates >= 48, "{config:?}");
+        assert!((48..=MOST).contains(&config.candidates), "{config:?}");
         // One that is nearly right would take more than there may be.
         let d = decided(Found { proxy_steps: 0.0, ..found(1.0, 0.01, 1000.0) });
-        assert_eq!(d.candidates, largest(&WANTED).candidates, "{d:?}");
-        assert_eq!(largest(&GatherConfig { directions: 1024, ..WANTED }).candidates, 1024);
+        assert_eq!(d.candidates, MOST, "{d:?}");
+        let most = |directions, words| most_candidates(&GatherConfig { directions, ..WANTED }, words);
+        assert_eq!((most(48, 1 << 20), most(1024, 1 << 20)), (192, 1024));
+        // In lists with room for the lower level's M and the upper level's N.
+        assert_eq!((most(48, 256), most(48, 240), most(128, 256), most(512, 256)), (192, 192, 128, 1));
     }
 
     #[test]

@@ -180,8 +180,9 @@ struct Auto {
     pilot: Pilot,
     costs: Costs,
     wanted: GatherConfig,
-    /// Cells of a chunk, for the gather that may be decided on.
+    /// Cells of a chunk, for the gather that may be decided on, and its most candidates.
     chunk: u32,
+    most: u32,
 }
 
 /// Delta lights whose order 1 is kept apart where g ≠ 0: each takes an image, and a gather of its own.
@@ -190,8 +191,13 @@ const MOST_SEPARATE_LIGHTS: u32 = 4;
 /// List items of a chunk: a dispatch should stay below 100 ms, and a chunk's lists below the bytes given here. A large device
 /// needs large dispatches: with chunks of a quarter of the usual size all passes took 1.4 times as long on an H100.
 fn chunk_items(ctx: &Context, gather: Option<&GatherConfig>) -> u32 {
-    let (usual, bytes) = if ctx.is_cpu() { (1 << 15, 64 << 20) } else { (1 << 18, 256 << 20) };
-    gather.map_or(usual, |g| usual.min(g.max_chunk(ctx.max_storage_bytes().min(bytes))).max(64))
+    let usual = if ctx.is_cpu() { 1 << 15 } else { 1 << 18 };
+    gather.map_or(usual, |g| usual.min(g.max_chunk(chunk_bytes(ctx))).max(64))
+}
+
+/// Bytes of a list that a chunk's cells may have.
+fn chunk_bytes(ctx: &Context) -> u64 {
+    ctx.max_storage_bytes().min(if ctx.is_cpu() { 64 << 20 } else { 256 << 20 })
 }
 
 /// Random-number streams: orders count from 1; the gathers of emitted light and of single lights have their own.
@@ -222,8 +228,7 @@ impl<'a> Renderer<'a> {
         };
         let gather_config = GatherConfig::of(s);
         let is_auto = s.sampling == Sampling::Auto;
-        let largest = if is_auto { auto::largest(&gather_config) } else { gather_config };
-        let chunk = chunk_items(ctx, (orders > 1).then_some(&largest));
+        let chunk = chunk_items(ctx, (orders > 1).then_some(&gather_config));
         let segment = internals.segment_voxels;
         let emits = orders > 0 && data.has_emission;
         // What the camera sees of delta lights by single scattering is stored nowhere.
@@ -267,7 +272,8 @@ impl<'a> Renderer<'a> {
                     let steps = [gather_config.step, gather_config.proxy_step];
                     let pilot = Pilot::new(ctx, &data, gather_config.directions, steps)?;
                     let costs = internals.costs.map_or_else(|| Costs::of(ctx), Ok)?;
-                    Some(Auto { pilot, costs, wanted: gather_config, chunk })
+                    let most = auto::most_candidates(&gather_config, chunk_bytes(ctx) / (4 * u64::from(chunk)));
+                    Some(Auto { pilot, costs, wanted: gather_config, chunk, most })
                 } else {
                     None
                 },
@@ -726,7 +732,7 @@ impl<'a> Renderer<'a> {
             work.shares += cells * shares;
             work.cells += cells * (later + 1.0);
         }
-        let stats = auto::decide(&found, &auto.costs, &work, &auto.wanted);
+        let stats = auto::decide(&found, &auto.costs, &work, &auto.wanted, auto.most);
         Ok(Some(AutoStats { iteration: order, cells: Pilot::cells(list), ..stats }))
     }
 
