@@ -111,6 +111,12 @@ pub fn check_folder(path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Makes sure that there is a folder at `path`.
+pub fn make_folder(path: &Path) -> Result<()> {
+    check_folder(path)?;
+    std::fs::create_dir_all(path).map_err(|e| Error::io(path, "create", e))
+}
+
 /// Checks that a file can be created (or replaced) at `path`. Leaves nothing behind.
 pub fn check_writable(path: &Path) -> Result<()> {
     if path.is_dir() {

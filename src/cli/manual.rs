@@ -6,7 +6,7 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 
 use super::Cli;
-use crate::{Error, Result, output};
+use crate::{Result, output};
 
 /// Print a script for your shell that completes commands and flags.
 ///
@@ -20,7 +20,7 @@ pub struct CompletionsArgs {
 /// Write manual pages, one per command, as `man` shows them: man -l tyndall-render.1
 #[derive(clap::Args, Debug)]
 pub struct ManArgs {
-    /// Folder for the pages; it must exist.
+    /// Folder for the pages; it is made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
 }
@@ -34,9 +34,7 @@ pub fn completions(args: &CompletionsArgs) -> Result<String> {
 
 /// The pages.
 pub fn man(args: &ManArgs) -> Result<String> {
-    if !args.output.is_dir() {
-        return Err(Error::file(&args.output, "is no folder", "make it first, or name another one"));
-    }
+    output::make_folder(&args.output)?;
     let mut root = Cli::command();
     // Gives every command its full name.
     root.build();
