@@ -1,8 +1,8 @@
 // Turns a count that a kernel wrote into the arguments of indirect dispatches, one workgroup per tile.
 //
-// Grid: one invocation. Buffers: counts[offset] = the count; args = two VkDispatchIndirectCommand at words 0 and 4 for
-// tiles of tile_items[0] and tile_items[1] items, and the count at word ARGS_COUNT, clamped to `capacity`. A count above
-// the capacity is an error for whoever reads `diagnostics`.
+// Grid: one invocation. Buffers: counts[offset] = the count; args = a VkDispatchIndirectCommand for tiles of tile_items items,
+// and the count at word ARGS_COUNT, clamped to `capacity`. A count above the capacity is an error for whoever reads
+// `diagnostics`.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
@@ -18,7 +18,7 @@ layout(set = 0, binding = 2, scalar) buffer Diagnostics { uint diagnostics[]; };
 layout(push_constant, scalar) uniform DispatchArgsPush {
     uint offset;
     uint capacity;
-    uint tile_items[2];
+    uint tile_items;
     uint least_tiles; // workgroups there are even for no item: 0 or 1
 };
 
@@ -28,12 +28,10 @@ void main() {
         atomicOr(diagnostics[DIAGNOSTICS_ERRORS], ERROR_COUNT, gl_ScopeDevice, 0, 0);
         count = capacity;
     }
-    for (uint i = 0u; i < 2u; i++) {
-        uint tiles = max(count / tile_items[i] + (count % tile_items[i] == 0u ? 0u : 1u), least_tiles);
-        uint width = min(tiles, MAX_GRID);
-        args[4u * i] = width;
-        args[4u * i + 1u] = width == 0u ? 1u : (tiles + width - 1u) / width;
-        args[4u * i + 2u] = 1u;
-    }
+    uint tiles = max(count / tile_items + (count % tile_items == 0u ? 0u : 1u), least_tiles);
+    uint width = min(tiles, MAX_GRID);
+    args[0] = width;
+    args[1] = width == 0u ? 1u : (tiles + width - 1u) / width;
+    args[2] = 1u;
     args[ARGS_COUNT] = count;
 }

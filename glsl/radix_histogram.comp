@@ -1,6 +1,7 @@
 // Histograms of all digits of the keys in one read: the first step of the radix sort.
 //
-// Grid: one workgroup per WORKGROUP * RADIX_STEP_KEYS * steps keys, any shape. No subgroup operations.
+// Grid: along x, as many workgroups as you like: they share the keys, WORKGROUP * RADIX_STEP_KEYS or a multiple of that each. None may
+// get more than RADIX_STEPS_MAX times that. No subgroup operations.
 // Buffers: keys = input, in vectors of four (the last may be cut, see ENDS_AMID);
 //   histogram[pass * RADIX_DIGITS + digit] = count (zero before the dispatch).
 // Shared memory: a counter per digit and pass.
@@ -33,7 +34,6 @@ layout(push_constant, scalar) uniform RadixHistogramPush {
     uint bit_end;
     uint digit_bits; // of a pass
     uint passes;
-    uint steps; // of a workgroup, at most RADIX_STEPS_MAX
 };
 
 shared uint bins[RADIX_PASSES * RADIX_DIGITS];
@@ -54,7 +54,7 @@ void count_key(uint key) {
     uint image = image_of_key(key, KEY_KIND, DESCENDING);
     for (uint pass = 0u; pass < passes; pass++) {
         uint digit = digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), image);
-        // What is added must be seen to be 1: NVIDIA's GPUs add it up for a subgroup's equal digits at once.
+        // A constant 1, in plain view: NVIDIA's compiler then adds once for all equal digits of a subgroup.
         atomicAdd(bins[pass * RADIX_DIGITS + digit], 1u, gl_ScopeWorkgroup, 0, 0);
     }
 }
@@ -66,8 +66,9 @@ void main() {
     barrier();
 
     uint end = item_count(count);
-    uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    uint first = group * (steps * LOADS * WORKGROUP) + gl_LocalInvocationIndex; // vector
+    uint of_all = gl_NumWorkGroups.x * WORKGROUP * RADIX_STEP_KEYS; // keys of one step of all workgroups
+    uint steps = (end + of_all - 1u) / of_all;
+    uint first = gl_WorkGroupID.x * (steps * LOADS * WORKGROUP) + gl_LocalInvocationIndex; // vector
     for (uint step = 0u; step < steps; step++) {
         uvec4 loaded[LOADS];
         [[unroll]] for (uint k = 0u; k < LOADS; k++) {

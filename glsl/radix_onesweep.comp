@@ -4,9 +4,9 @@
 // tiles' digits, and another sums them: the classical three steps, with the same ranking and hence the same result.
 //
 // Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by take_tile.
-// Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots or, when it is narrow, by broadcasts.
+// Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots, by masks or, when it is narrow, by broadcasts.
 // Buffers: keys_in, payloads_in -> keys_out, payloads_out (not the same memory); status (zero before the first pass):
-//   RADIX_PASSES tickets and as many words that say whether all keys share the digit, then per pass `rows` rows of
+//   RADIX_PASSES tickets and as many words that say what each pass's keys are like, then per pass `rows` rows of
 //   RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of tile t. Counts stay below 2^30, the width of a status
 //   word's value.
 // Shared memory: SCRATCH_WORDS + RADIX_DIGITS words and a few.
@@ -34,8 +34,8 @@ layout(constant_id = 6) const uint SCRATCH_WORDS = 8192u;
 layout(constant_id = 7) const uint PAYLOADS = 1u;
 // Words of a ballot that are used: 1 where no subgroup has more than 32 lanes, else 4.
 layout(constant_id = 8) const uint BALLOT_WORDS = 4u;
-// Rows whose equal digits are found by a mask of lanes per digit in shared memory instead of ballots, except where many keys share a
-// digit (RADIX_SKEWED): lanes wait for each other there. Needs BALLOT_WORDS 1.
+// Of an invocation's KEYS rows, how many find equal digits by a mask of lanes per digit in shared memory, instead of ballots or
+// broadcasts; none where a digit is frequent (RADIX_SKEWED): lanes wait for each other there. Needs BALLOT_WORDS 1.
 layout(constant_id = 9) const uint MASK_ROWS = 0u;
 // Status words that a step of look-back loads at once, so that their latencies overlap.
 layout(constant_id = 10) const uint AHEAD = 1u;
@@ -79,7 +79,7 @@ shared uint digits[RADIX_DIGITS];
 shared uvec2 shared_window;
 // What the pass's keys are like: RADIX_* (radix_scan.comp).
 shared uint shared_likeness;
-// Highest status row that somebody misses, NO_ROW: somebody has run out of budget.
+// Highest status row that somebody misses, 0: none; NO_ROW: somebody has run out of budget, or misses row 0.
 shared uint shared_blocking;
 
 uint digit_at(uint key) {
@@ -187,7 +187,7 @@ void take_places(uint keys[KEYS], bool by_masks, out uint places[PLACE_WORDS]) {
     }
 }
 
-// Counts the digits of a tile in `digits`: what its owner would have published. Nobody is blocked from then on.
+// Counts the digits of a tile in `digits`: what its owner would have published. Resets `shared_blocking`.
 void count_digits(uint tile, uint end) {
     barrier(); // `shared_blocking` may still be read
     if (linear_index() == 0u) {
@@ -294,7 +294,7 @@ bool look_back(uint tile, uint end, uint base, uint first, uint starts[DIGITS_EA
 void main() {
     uint self = linear_index();
     // While the ticket is on its way.
-    uint cleared = gl_NumSubgroups * (COUNTER_WORDS + min(MASK_ROWS, 1u) * RADIX_DIGITS);
+    uint cleared = min(gl_NumSubgroups * (COUNTER_WORDS + min(MASK_ROWS, 1u) * RADIX_DIGITS), SCRATCH_WORDS);
     for (uint i = self; i < cleared; i += WORKGROUP) {
         scratch[i] = 0u;
     }

@@ -1,7 +1,7 @@
 // Where each digit's keys begin: exclusive scan of every pass's histogram, written as the inclusive status words of the
 // "tile -1" of that pass, so that look-back always ends there and needs no special case.
 //
-// A pass whose digit all keys share changes no order; it is told to copy. One with many keys of one digit is told that.
+// A pass whose digit all keys share changes no order; it is told to copy. So is one where a digit is frequent.
 //
 // Grid: one workgroup per pass. Any subgroup size >= SUBGROUP_MIN.
 // Buffers: histogram of radix_histogram.comp; status, see radix_onesweep.comp.
@@ -37,7 +37,7 @@ void main() {
     uint all;
     uint start = workgroup_exclusive_add(sum, all);
     largest = workgroup_max(largest);
-    if (linear_index() == 0u && largest > all / RADIX_SKEW) {
+    if (linear_index() == 0u && largest > all / RADIX_FREQUENT) {
         status[RADIX_PASSES + pass] = largest == all ? RADIX_ALIKE : RADIX_SKEWED;
     }
     for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {

@@ -32,8 +32,8 @@ pub struct DispatchArgsPush {
     pub offset: u32,
     /// Largest count that there is room for.
     pub capacity: u32,
-    /// Items per workgroup of the two dispatches.
-    pub tile_items: [u32; 2],
+    /// Items per workgroup.
+    pub tile_items: u32,
     /// Workgroups that there are even for no item: 0 or 1.
     pub least_tiles: u32,
 }
@@ -90,8 +90,6 @@ pub struct RadixHistogramPush {
     pub digit_bits: u32,
     /// Passes that follow.
     pub passes: u32,
-    /// How often an invocation takes `RADIX_STEP_KEYS` keys, at most `RADIX_STEPS_MAX`.
-    pub steps: u32,
 }
 
 /// `radix_scan.comp`.

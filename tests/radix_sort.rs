@@ -109,7 +109,8 @@ fn exact_at_a_million() {
 #[test]
 fn exact_with_more_tiles_than_a_step_of_the_column_scan() {
     gpu_test(|ctx| {
-        let config = RadixSortConfig { carry: Carry::Dispatches, ..SMALL_TILES };
+        // And more keys than one step of the histogram's workgroups.
+        let config = RadixSortConfig { carry: Carry::Dispatches, histogram_workgroup: 64, ..SMALL_TILES };
         check_sizes_by(ctx, config, 0..8, &[128 * 4100 + 3]);
     });
 }
@@ -123,7 +124,7 @@ fn exact_at_every_size_between_one_and_two_tiles() {
 fn exact_in_every_shape_and_by_all_ways_of_matching() {
     gpu_test(|ctx| {
         // GPU-assisted validation makes pipelines of long unrolled loops take minutes, and shapes change no address.
-        let shapes = [(128, 3), (64, 15), (128, 32), (128, 15)];
+        let shapes = [(128, 3), (64, 15), (128, 32), (96, 5), (128, 15)];
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..1] } else { &shapes };
         let random_words = Random(2).words(20_021);
         for &(workgroup, keys) in shapes {
@@ -139,8 +140,8 @@ fn exact_in_every_shape_and_by_all_ways_of_matching() {
                 };
                 check_sizes(ctx, config, 0..32, &[1, 1_000, 20_021]);
                 if mask_rows > 0 {
-                    // Of random keys no digit is frequent. Of these the first pass's is, the second's and third's are not, and the
-                    // fourth's is the same everywhere.
+                    // No digit of random keys is frequent. Here one is in the first pass, none is in the second and third, and all keys
+                    // share that of the fourth.
                     let keys: Vec<u32> =
                         random_words.iter().map(|w| if w % 5 == 0 { w % 0xFF_FFFF } else { *w & 0xFF_FF00 }).collect();
                     check_keys_by(ctx, config, 0..32, &keys, &[1_000, 20_021]);
@@ -281,6 +282,28 @@ fn the_count_may_come_from_the_gpu() {
                 assert!(error.contains("'radix sort'") && error.contains("capacity"), "{error}");
             }
             sort_counted(5).2.expect("a cleared error is gone");
+        }
+    });
+}
+
+#[test]
+fn a_count_on_the_gpu_may_take_the_histogram_several_steps() {
+    gpu_test(|ctx| {
+        let sort = RadixSort::new(ctx, RadixSortConfig { histogram_workgroup: 64, ..Tuning::of(ctx).sort }).unwrap();
+        // In one step of its 256 workgroups it takes 2^18 keys.
+        let keys = Random(14).words(3 << 18);
+        let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
+        for n in [1000, (1 << 18) - 1, (1 << 18) + 1, keys.len()] {
+            let counts = ctx.upload("counts", &[n as u32]).unwrap();
+            let (key_buffer, payloads) =
+                (ctx.upload("keys", &keys).unwrap(), ctx.upload("payloads", &indices(keys.len())).unwrap());
+            let mut rec = Recorder::new(ctx).unwrap();
+            let count = Count::Gpu { buffer: &counts, offset: 0 };
+            let sorted = sort.record(&mut rec, &key_buffer, &payloads, count, 20..32, &scratch);
+            rec.submit_and_wait().unwrap();
+            scratch.diagnostics().check(ctx, "radix sort").unwrap();
+            let (_, expected) = cpu::radix_sort::sort_pairs(&keys[..n], &indices(n), 20, 32);
+            assert_same(&format!("{n} on the GPU"), &ctx.read_back_range(sorted.payloads, 0..n).unwrap(), &expected);
         }
     });
 }

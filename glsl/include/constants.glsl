@@ -3,6 +3,10 @@
 
 // Iterations that one invocation may run, all its loops together. lavapipe leaves every loop silently at 65,535.
 const uint MAX_ITERATIONS = 32000u;
+// Loop iterations that one look-back may take: half of them, the rest is the kernel's.
+const uint LOOKBACK_BUDGET = 16000u;
+// What one fallback is charged: its loops (the tile's items per invocation and workgroup sums) must stay below.
+const uint FALLBACK_STEPS = 64u;
 
 // Shared memory that every device must offer, in bytes.
 const uint SHARED_BYTES = 32768u;
@@ -14,7 +18,7 @@ const uint COUNT_ON_DEVICE = 4294967295u;
 // Word of dispatch_args.comp's output with the clamped count; words 0 to 2 and 4 to 6 are indirect dispatches.
 const uint ARGS_COUNT = 3u;
 // Words of dispatch_args.comp's output.
-const uint ARGS_WORDS = 7u;
+const uint ARGS_WORDS = 4u;
 
 // Word of `diagnostics`: polls that found a status word missing.
 const uint DIAGNOSTICS_SPINS = 0u;
@@ -51,15 +55,15 @@ const uint RADIX_DIGITS = 256u;
 const uint RADIX_PASSES = 4u;
 // Words of a radix sort's `status` before the rows: a ticket per pass, then what each pass's keys are like.
 const uint RADIX_HEAD = 8u;
-// All keys share the pass's digit. (0: most digits are rare.)
+// What a pass's keys are like: they all have the same digit.
 const uint RADIX_ALIKE = 1u;
-// Many keys share one digit.
+// A digit is frequent. (0: none is.)
 const uint RADIX_SKEWED = 2u;
-// Many are one of so many.
-const uint RADIX_SKEW = 8u;
+// A digit is frequent if more than one key in so many has it.
+const uint RADIX_FREQUENT = 8u;
 // Keys that an invocation of radix_histogram.comp has under way together.
 const uint RADIX_STEP_KEYS = 16u;
-// How often it may take so many: the loops over all passes then stay within half of MAX_ITERATIONS.
+// How often it may take so many: the loops over all passes stay within half of MAX_ITERATIONS then.
 const uint RADIX_STEPS_MAX = 240u;
 // KEY_KIND: the key is a u32.
 const uint KEY_U32 = 0u;

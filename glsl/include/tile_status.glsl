@@ -43,11 +43,6 @@ const uint STATE_INCLUSIVE = 2u;
 const uint STATE_SHIFT = 30u;
 const uint VALUE_MASK = (1u << STATE_SHIFT) - 1u;
 
-// Loop iterations that one look-back may take; the rest is the kernel's (DESIGN section 4).
-const uint LOOKBACK_BUDGET = MAX_ITERATIONS / 2u;
-// What one fallback is charged: its loops (the tile's items per invocation and workgroup sums) must stay below.
-const uint FALLBACK_STEPS = 64u;
-
 shared uint shared_ticket;
 
 uint load_status(uint index) {

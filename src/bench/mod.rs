@@ -60,20 +60,23 @@ pub(crate) fn time_passes(ctx: &Context, mut record: impl FnMut(&mut Recorder)) 
 const WARM_UPS: u32 = 3;
 /// How long a GPU works before the first run counts: clocks rise slowly.
 const WARM_UP: Duration = Duration::from_millis(400);
-/// How long it works before each run, so that clocks do not sink while the host records.
+/// How long it works right before each run: clocks sink while the host records.
 const HEAT_MS: f64 = 2.0;
 /// After a pause as long as this it is cold.
 const PAUSE: Duration = Duration::from_millis(20);
 /// Words of the copies that heat it.
 const HEAT_WORDS: u32 = 1 << 24;
 
-/// Times what is recorded, again and again, on a device that is kept busy between the runs: a GPU that idles between
-/// short ones lowers its clocks, and small inputs then look several times slower than they are amid other work.
+/// Times what is recorded, again and again, on a device that is kept hot: a GPU that idles between short runs lowers its
+/// clocks, and small inputs then look several times slower than they are amid other work.
 pub(crate) struct Timer {
     heat: Option<Heat>,
     /// When the device last was at work.
     worked: Cell<Instant>,
 }
+
+/// A copy that is fast on any device.
+const FOUR_VECTORS: CopyShape = CopyShape { workgroup: 256, rows: 4, width: 4 };
 
 /// Copies that a GPU does before a run.
 struct Heat {
@@ -99,7 +102,7 @@ impl Timer {
         if ctx.is_cpu() {
             return Ok(Self { heat: None, worked: Cell::new(Instant::now()) });
         }
-        let copy = BenchCopy::new(ctx, CopyShape { workgroup: 256, rows: 4, width: 4 })?;
+        let copy = BenchCopy::new(ctx, FOUR_VECTORS)?;
         let buffer = |name| ctx.device_buffer(name, HEAT_WORDS as usize);
         let (from, to) = (buffer("bench.heat_from")?, buffer("bench.heat_to")?);
         let mut rec = Recorder::new(ctx)?;

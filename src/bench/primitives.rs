@@ -1,7 +1,7 @@
 //! `tyndall bench scan` and `tyndall bench sort`: how fast the primitives are, against copies of as many words in the
 //! same run. Every result is checked before its times count.
 
-use super::Timer;
+use super::{FOUR_VECTORS, Timer};
 use crate::cpu;
 use crate::passes::bench_copy::{BenchCopy, CopyShape};
 use crate::passes::lookback::{Carry, Count, Diagnostics, MAX_ITEMS};
@@ -157,7 +157,7 @@ const COPIES: [(&str, CopyShape); 4] = [
     ("copy 1 word", CopyShape { workgroup: 256, rows: 1, width: 1 }),
     ("copy 16 words", CopyShape { workgroup: 256, rows: 16, width: 1 }),
     ("copy 1 vector", CopyShape { workgroup: 256, rows: 1, width: 4 }),
-    ("copy 4 vectors", CopyShape { workgroup: 256, rows: 4, width: 4 }),
+    ("copy 4 vectors", FOUR_VECTORS),
 ];
 
 /// Keys that are the AND of `ands` random words.

@@ -167,7 +167,7 @@ impl<'a> Sweep<'a> {
         options: Options,
     ) -> Result<Self> {
         let settings = folder.join("settings");
-        std::fs::create_dir_all(&settings).map_err(|e| Error::io(&settings, "create", e))?;
+        crate::output::make_folder(&settings)?;
         let mut sweep = Self {
             ctx,
             scene,

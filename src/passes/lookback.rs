@@ -167,17 +167,17 @@ impl TileKernel {
 pub(super) enum Groups<'a> {
     /// Along x, y, z.
     Direct([u32; 3]),
-    /// By the arguments at this element.
-    Indirect(&'a Buffer<u32>, usize),
+    /// By these arguments.
+    Indirect(&'a Buffer<u32>),
 }
 
 impl<'a> Groups<'a> {
     /// One per tile of `tile_items` items; for a count on the GPU by the arguments that [`DispatchArgs::record`] wrote to
-    /// `args` at element `offset`.
-    pub(super) fn of_tiles(count: Count<'_>, tile_items: u32, (args, offset): (&'a Buffer<u32>, usize)) -> Self {
+    /// `args`.
+    pub(super) fn of_tiles(count: Count<'_>, tile_items: u32, args: &'a Buffer<u32>) -> Self {
         match count {
             Count::Host(n) => Self::Direct(grid(n.div_ceil(tile_items))),
-            Count::Gpu { .. } => Self::Indirect(args, offset),
+            Count::Gpu { .. } => Self::Indirect(args),
         }
     }
 
@@ -185,7 +185,7 @@ impl<'a> Groups<'a> {
     pub(super) fn run<P: Pod>(self, rec: &mut Recorder, pipeline: &Pipeline, binds: &[(&str, Bind<'_>)], push: &P) {
         match self {
             Self::Direct(groups) => rec.dispatch(pipeline, binds, push, groups),
-            Self::Indirect(args, offset) => rec.dispatch_indirect(pipeline, binds, push, args, offset),
+            Self::Indirect(args) => rec.dispatch_indirect(pipeline, binds, push, args, 0),
         }
     }
 }
@@ -331,8 +331,8 @@ impl DispatchArgs {
         ctx.device_buffer(name, constants::ARGS_WORDS as usize)
     }
 
-    /// Writes into `args`, made by [`DispatchArgs::buffer`], the arguments for tiles of `tile_items[0]` items at
-    /// element 0 and of `tile_items[1]` at element 4, and the count, at most `capacity`, at `constants::ARGS_COUNT`.
+    /// Writes into `args`, made by [`DispatchArgs::buffer`], the arguments for tiles of `tile_items` items, and the count, at most
+    /// `capacity`, at `constants::ARGS_COUNT`.
     ///
     /// Starts by ordering earlier reads of `args`, and all compute accesses; ends by ordering its writes before
     /// [`Access::IndirectRead`] and all compute accesses.
@@ -341,7 +341,7 @@ impl DispatchArgs {
         rec: &mut Recorder,
         counts: (&Buffer<u32>, u32),
         capacity: u32,
-        tile_items: [u32; 2],
+        tile_items: u32,
         args: &Buffer<u32>,
         diagnostics: &Diagnostics,
     ) {
@@ -360,7 +360,7 @@ impl DispatchArgs {
         args: &Buffer<u32>,
         diagnostics: &Diagnostics,
     ) {
-        let push = DispatchArgsPush { offset: counts.1, capacity, tile_items: [tile_items; 2], least_tiles: 1 };
+        let push = DispatchArgsPush { offset: counts.1, capacity, tile_items, least_tiles: 1 };
         self.record_push(rec, counts.0, &push, args, diagnostics);
     }
 

@@ -344,7 +344,7 @@ impl Proxy {
             ];
             let push = CompressRunsPush { count: voxels, capacity: self.capacity };
             let sums = Columns::of_tiles(&self.status, &self.diagnostics, voxels.div_ceil(TILE));
-            self.compress_runs.run(rec, &binds, &push, Groups::Indirect(&self.plan_args, 0), &sums);
+            self.compress_runs.run(rec, &binds, &push, Groups::Indirect(&self.plan_args), &sums);
             plan(rec, false);
         }
     }
@@ -357,7 +357,7 @@ impl Proxy {
         sorted_run: &Buffer<u32>,
     ) {
         let runs = (&self.control, constants::PROXY_RUNS);
-        self.args_pass.record(rec, runs, self.capacity, [TILE; 2], &self.run_args, &self.diagnostics);
+        self.args_pass.record(rec, runs, self.capacity, TILE, &self.run_args, &self.diagnostics);
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
         rec.fill(&self.status, 0);
         rec.fill(&self.tables.size, 0);
@@ -379,7 +379,7 @@ impl Proxy {
         ];
         let push = CompressBucketsPush { count: constants::COUNT_ON_DEVICE, voxels: scene.voxels() as u32 };
         let sums = Columns::of_tiles(&self.status, &self.diagnostics, self.capacity.div_ceil(TILE));
-        self.compress_buckets.run(rec, &binds, &push, Groups::Indirect(&self.run_args, 0), &sums);
+        self.compress_buckets.run(rec, &binds, &push, Groups::Indirect(&self.run_args), &sums);
 
         let buckets = Count::Gpu { buffer: &self.control, offset: constants::PROXY_BUCKETS };
         self.scan.record(rec, &self.tables.size, &self.tables.base, buckets, &self.scan_scratch);
@@ -389,7 +389,7 @@ impl Proxy {
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         }
         let (counts, room) = ((&self.control, constants::PROXY_BUCKETS), self.bucket_light.len() as u32);
-        self.args_pass.record(rec, counts, room, [LIST_WORKGROUP; 2], &self.bucket_args, &self.diagnostics);
+        self.args_pass.record(rec, counts, room, LIST_WORKGROUP, &self.bucket_args, &self.diagnostics);
         let binds = [
             ("scene_block", scene.block.bind()),
             ("bucket_color", self.tables.color.bind()),

@@ -8,9 +8,10 @@ use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// Words of the histograms of all passes. Behind them a storage buffer may begin: 4 KiB are more than any device's alignment.
+/// Words of the histograms of all passes. Behind them a storage buffer may begin: 4 KiB are a multiple of any device's alignment.
 const HISTOGRAM_WORDS: u32 = constants::RADIX_PASSES * constants::RADIX_DIGITS;
-/// Workgroups of the histogram where there are keys enough: they fill a large device, and more would only add to what they write.
+/// Most workgroups of the histogram, unless its loops got too long: they fill a large device, and more would only add to what they
+/// write.
 const HISTOGRAM_GROUPS: u32 = 256;
 
 /// What the keys' words are.
@@ -148,8 +149,9 @@ impl Shared {
     fn of(workgroup: u32, keys: u32, has_masks: bool, min_subgroup_size: u32) -> Self {
         let words = constants::RADIX_DIGITS / 2 + if has_masks { constants::RADIX_DIGITS } else { 0 };
         let scratch_words = (workgroup * keys).max(workgroup / min_subgroup_size * words);
-        // The last four: the partial sums of the subgroups, the ticket, the window and whether it is a copy.
-        let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 2 + 1;
+        // The digits, the partial sums of the subgroups; the ticket, the window and a word to align it, what the keys are like, the
+        // row that is missing.
+        let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 3 + 1 + 1;
         Self { scratch_words, bytes: 4 * (scratch_words + small) }
     }
 }
@@ -158,6 +160,7 @@ impl RadixSort {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, config: RadixSortConfig) -> Result<Self> {
         assert!((1..=32).contains(&config.keys), "{} keys; radix_onesweep.comp takes 1 to 32", config.keys);
+        assert!((1..=32).contains(&config.ahead), "{} status words at once", config.ahead);
         let narrow = ctx.min_subgroup_size();
         let limit = ctx.max_shared_bytes();
         let has_masks = config.mask_rows > 0 && ctx.max_subgroup_size() <= 32;
@@ -165,6 +168,8 @@ impl RadixSort {
         let workgroup = config.workgroup.unwrap_or(if shared(256).bytes <= limit { 256 } else { 128 });
         let shared = shared(workgroup);
         lookback::check_workgroup(ctx, "radix sort", workgroup)?;
+        // Places and counts have 16 bits; and below 64 invocations a fallback takes longer than it is charged.
+        assert!(workgroup >= 64 && workgroup * config.keys <= 0xFFFF, "tiles of {workgroup} x {}", config.keys);
         lookback::check_workgroup(ctx, "radix sort", config.histogram_workgroup)?;
         if shared.bytes > limit {
             let keys = config.keys;
@@ -212,6 +217,12 @@ impl RadixSort {
         self.tile
     }
 
+    /// Workgroups of the histogram of up to `most` keys.
+    fn histogram_groups(&self, most: u32) -> u32 {
+        let least = most.div_ceil(self.histogram_step * constants::RADIX_STEPS_MAX);
+        most.div_ceil(self.histogram_step).min(HISTOGRAM_GROUPS.max(least))
+    }
+
     /// Status rows of one pass: a row per tile and one before the first.
     fn rows(&self, count: u32) -> u32 {
         count.div_ceil(self.tile) + 1
@@ -241,7 +252,7 @@ impl RadixSort {
             ("radix_sort.payloads", if self.payloads { capacity.into() } else { 0 }),
             ("radix_sort.none", 0),
             ("radix_sort.none_sorted", 0),
-            ("radix_sort.status", self.zeroed_words(capacity, constants::RADIX_PASSES)),
+            ("radix_sort.counts", self.zeroed_words(capacity, constants::RADIX_PASSES)),
             ("radix_sort.args", constants::ARGS_WORDS.into()),
         ]
     }
@@ -364,11 +375,8 @@ impl RadixSort {
             Count::Gpu { .. } => capacity,
         };
         assert!(most <= capacity, "sort of {most} pairs with room for {capacity}");
-        let steps = (most / (self.histogram_step * HISTOGRAM_GROUPS)).clamp(1, constants::RADIX_STEPS_MAX);
-        let histogram_tile = self.histogram_step * steps;
         if let Count::Gpu { buffer, offset } = count {
-            let tiles = [histogram_tile, self.tile];
-            self.args.record(rec, (buffer, offset), capacity, tiles, &memory.args, diagnostics);
+            self.args.record(rec, (buffer, offset), capacity, self.tile, &memory.args, diagnostics);
         }
         let rows = self.rows(most);
         let pushed = count.pushed();
@@ -384,8 +392,8 @@ impl RadixSort {
         rec.part("histogram");
         let binds =
             [("keys", source.keys.bind()), ("args", memory.args.bind()), ("histogram", memory.histogram.bind())];
-        let push = RadixHistogramPush { count: pushed, bit_begin, bit_end, digit_bits, passes, steps };
-        Groups::of_tiles(count, histogram_tile, (&memory.args, 0)).run(rec, &self.histogram, &binds, &push);
+        let push = RadixHistogramPush { count: pushed, bit_begin, bit_end, digit_bits, passes };
+        rec.dispatch(&self.histogram, &binds, &push, [self.histogram_groups(most), 1, 1]);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
 
         let status = || [("status", memory.status.bind()), ("diagnostics", diagnostics.buffer().bind())];
@@ -418,7 +426,7 @@ impl RadixSort {
                 columns: constants::RADIX_DIGITS,
                 rows,
             };
-            let groups = Groups::of_tiles(count, self.tile, (&memory.args, 4));
+            let groups = Groups::of_tiles(count, self.tile, &memory.args);
             self.onesweep.run(rec, &binds, &push, groups, &sums);
             source = target;
         }

@@ -168,7 +168,7 @@ impl Scan {
                 if self.total {
                     self.args.record_at_least_one(rec, counts, capacity, self.tile, args, diagnostics);
                 } else {
-                    self.args.record(rec, counts, capacity, [self.tile; 2], args, diagnostics);
+                    self.args.record(rec, counts, capacity, self.tile, args, diagnostics);
                 }
                 capacity.div_ceil(self.tile)
             }
@@ -189,7 +189,7 @@ impl Scan {
         ];
         let push = ScanPush { count: count.pushed(), total_at };
         let dispatched = if self.total { count.at_least_one() } else { count };
-        let groups = Groups::of_tiles(dispatched, self.tile, (&memory.args, 0));
+        let groups = Groups::of_tiles(dispatched, self.tile, &memory.args);
         self.kernel.run(rec, &binds, &push, groups, &Columns::of_tiles(&memory.status, diagnostics, tiles));
     }
 }

@@ -92,7 +92,7 @@ impl Select {
             ("diagnostics", diagnostics.buffer().bind()),
         ];
         let push = SelectPush { count: count.pushed(), total_at: total.1 };
-        let groups = Groups::of_tiles(count.at_least_one(), TILE, (&memory.args, 0));
+        let groups = Groups::of_tiles(count.at_least_one(), TILE, &memory.args);
         self.kernel.run(rec, &binds, &push, groups, &Columns::of_tiles(&memory.status, diagnostics, tiles));
     }
 }

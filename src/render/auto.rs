@@ -115,11 +115,10 @@ const LEAST_GAIN: f64 = 1.25;
 /// Most candidates in terms of the directions asked for.
 const MOST_CANDIDATES: u32 = 4;
 
-/// Most candidates that may be chosen where the lists of a cell may have so many words. The dispatches of all passes would have to
-/// be smaller for longer lists, and `phase` slower for what it does not use.
-pub fn most_candidates(wanted: &GatherConfig, words: u64) -> u32 {
-    let fitting = words.saturating_sub(u64::from(wanted.directions)).max(1);
-    fitting.min(u64::from((MOST_CANDIDATES * wanted.directions).min(1024))) as u32
+/// Most candidates that a cell's lists, of so many words, have room for beside the directions. Longer lists would make the
+/// dispatches of all passes smaller, and `phase` slower for what it does not use.
+fn most_candidates(wanted: &GatherConfig, words: u32) -> u32 {
+    words.saturating_sub(wanted.directions).clamp(1, (MOST_CANDIDATES * wanted.directions).min(1024))
 }
 
 /// What a pilot found. Variances are those of a mean over directions, times their number; in units that do not matter.
@@ -174,8 +173,8 @@ pub struct Work {
     pub voxels: f64,
 }
 
-/// Decides, on `most` candidates at most.
-pub fn decide(found: &Found, costs: &Costs, work: &Work, wanted: &GatherConfig, most: u32) -> AutoStats {
+/// Decides. `words`: of the lists of a cell.
+pub fn decide(found: &Found, costs: &Costs, work: &Work, wanted: &GatherConfig, words: u32) -> AutoStats {
     let phase_ray = costs.traced_ray + costs.traced_step * found.traced_steps;
     let proxy_ray = costs.proxy_ray + costs.proxy_step * found.proxy_steps;
     let residual_ray = phase_ray + proxy_ray;
@@ -183,13 +182,15 @@ pub fn decide(found: &Found, costs: &Costs, work: &Work, wanted: &GatherConfig, 
     let variance = found.phase / f64::from(wanted.directions);
     let best = (found.proxy + (found.proxy * found.residual * residual_ray / proxy_ray).sqrt()) / variance;
     // A ratio of nothing to nothing is no number, and leads to `phase`.
+    let most = most_candidates(wanted, words);
     let candidates = if best.is_finite() { (best.floor() + 1.0).min(f64::from(most)) } else { 1.0 };
     let directions = (found.residual / (variance - found.proxy / candidates)).ceil().max(1.0);
     let time = work.shares * (candidates * proxy_ray + directions * residual_ray)
         + work.cells * costs.base
         + work.voxels * costs.voxel;
     let phase_time = work.shares * f64::from(wanted.directions) * phase_ray;
-    let reaches = variance > found.proxy / candidates && directions <= f64::from(wanted.directions);
+    let fits = candidates + directions <= f64::from(words);
+    let reaches = fits && variance > found.proxy / candidates && directions <= f64::from(wanted.directions);
     let gain = if reaches { phase_time / time } else { 0.0 };
     let pays = gain >= LEAST_GAIN;
     AutoStats {
@@ -234,6 +235,9 @@ mod tests {
 
     const WORK: Work = Work { shares: 1e6, cells: 1.5e6, voxels: 1e6 };
 
+    /// As on a GPU.
+    const WORDS: u32 = 256;
+    /// The most that they hold of candidates.
     const MOST: u32 = 192;
 
     /// Variances relative to `phase`, and steps.
@@ -242,7 +246,7 @@ mod tests {
     }
 
     fn decided(found: Found) -> AutoStats {
-        decide(&found, &USUAL_COSTS, &WORK, &WANTED, MOST)
+        decide(&found, &USUAL_COSTS, &WORK, &WANTED, WORDS)
     }
 
     #[test]
@@ -277,7 +281,7 @@ mod tests {
             assert_eq!(d.config(&WANTED), GatherConfig { candidates: 1, ..WANTED }, "{case}");
         }
         // A build of many voxels for few cells.
-        let d = decide(&found(0.9, 0.1, 60.0), &USUAL_COSTS, &Work { voxels: 1e9, ..WORK }, &WANTED, MOST);
+        let d = decide(&found(0.9, 0.1, 60.0), &USUAL_COSTS, &Work { voxels: 1e9, ..WORK }, &WANTED, WORDS);
         assert_eq!(d.sampling, Sampling::Phase, "{d:?}");
     }
 
@@ -291,10 +295,18 @@ mod tests {
         // One that is nearly right would take more than there may be.
         let d = decided(Found { proxy_steps: 0.0, ..found(1.0, 0.01, 1000.0) });
         assert_eq!(d.candidates, MOST, "{d:?}");
-        let most = |directions, words| most_candidates(&GatherConfig { directions, ..WANTED }, words);
+        let wanted = |directions| GatherConfig { directions, ..WANTED };
+        let most = |directions, words| most_candidates(&wanted(directions), words);
         assert_eq!((most(48, 1 << 20), most(1024, 1 << 20)), (192, 1024));
         // In lists with room for the lower level's M and the upper level's N.
         assert_eq!((most(48, 256), most(48, 240), most(128, 256), most(512, 256)), (192, 192, 128, 1));
+        // A smooth proxy whose one candidate takes away 0.4 of the variance: 308 directions instead of 512.
+        let smooth = Found { proxy_steps: 0.0, ..found(1e-9, 0.6, 1000.0) };
+        let cheap = Costs { proxy_ray: 1e-3, proxy_step: 0.0, base: 0.0, voxel: 0.0, ..USUAL_COSTS };
+        for (words, sampling) in [(307, Sampling::Phase), (309, Sampling::Residual)] {
+            let d = decide(&smooth, &cheap, &WORK, &wanted(512), words);
+            assert_eq!(d.sampling, sampling, "{d:?}");
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::Bench;
 use crate::Result;
 use crate::cpu;
-use crate::passes::lookback::{Count, Report};
+use crate::passes::lookback::{Carry, Count, Report};
 use crate::passes::radix_sort::{RadixSort, RadixSortConfig};
 use crate::passes::scan::{Scan, ScanConfig};
 use crate::passes::tuning::Tuning;
@@ -40,7 +40,7 @@ fn scans(bench: &mut Bench<'_>) -> Result<()> {
     let ctx = bench.ctx;
     let tuned = Tuning::of(ctx).scan;
     // Withheld tiles make later ones compute them; with 100 full tiles, all withheld ones have a successor.
-    let suspended = ScanConfig { workgroup: NARROW, vectors: 1, withhold: 3, spin_limit: 8, ..ScanConfig::default() };
+    let suspended = ScanConfig { workgroup: NARROW, vectors: 1, withhold: 3, carry: Carry::LookBack, ..tuned };
     let tile = Scan::new(ctx, tuned)?.tile() as usize;
     let lane = ctx.device_info().subgroup_size as usize;
     let awkward = [1, lane + 1, 257, tile - 1, tile, tile + 1, 3 * tile + 5, 1_000_003];
@@ -73,9 +73,9 @@ fn scans(bench: &mut Bench<'_>) -> Result<()> {
 /// Payloads are the pairs' indices: their order proves that the sort is stable and that no pair is lost.
 fn sorts(bench: &mut Bench<'_>) -> Result<()> {
     let ctx = bench.ctx;
-    let suspended =
-        RadixSortConfig { workgroup: Some(NARROW), keys: 1, withhold: 3, spin_limit: 8, ..Default::default() };
-    let usual = RadixSort::new(ctx, Tuning::of(ctx).sort)?;
+    let tuned = Tuning::of(ctx).sort;
+    let suspended = RadixSortConfig { workgroup: Some(NARROW), keys: 1, withhold: 3, carry: Carry::LookBack, ..tuned };
+    let usual = RadixSort::new(ctx, tuned)?;
     let tile = usual.tile() as usize;
     let held_up = RadixSort::new(ctx, suspended)?;
     let lane = ctx.device_info().subgroup_size as usize;

@@ -126,17 +126,19 @@ pub struct HazardTracker {
 }
 
 impl HazardTracker {
-    /// A global memory barrier between two kinds of access.
-    pub fn barrier(&mut self, from: Access, to: Access) {
-        let (from, to) = (from.bits(), to.bits());
+    /// Global memory barriers, each between two kinds of access, by one command.
+    pub fn barriers(&mut self, barriers: &[(Access, Access)]) {
         for past in self.past.values_mut().flatten() {
-            // A write must be named to be made visible; a read needs only the execution dependency of its stage. A
-            // kind that an earlier barrier ordered after the access chains on to this one.
-            let is_source =
-                if past.kind & WRITES != 0 { from & past.kind != 0 } else { same_stages(from) & past.kind != 0 };
-            let is_chained = past.ordered & same_stages(from) != 0;
-            if is_source || is_chained {
-                past.ordered |= to;
+            let before = past.ordered;
+            for (from, to) in barriers.iter().map(|&(from, to)| (from.bits(), to.bits())) {
+                // A write must be named to be made visible; a read needs only the execution dependency of its stage. A
+                // kind that an earlier command ordered after the access chains on to this one.
+                let is_source =
+                    if past.kind & WRITES != 0 { from & past.kind != 0 } else { same_stages(from) & past.kind != 0 };
+                let is_chained = before & same_stages(from) != 0;
+                if is_source || is_chained {
+                    past.ordered |= to;
+                }
             }
         }
     }
@@ -193,7 +195,7 @@ mod tests {
                 t.access(1, "buffer", 0..64, *a, &format!("step {i}"));
             }
             if let Some((from, to)) = barrier {
-                t.barrier(*from, *to);
+                t.barriers(&[(*from, *to)]);
             }
         }
         t.take_hazards().iter().map(|h| h.kind).collect()
@@ -234,6 +236,18 @@ mod tests {
             (Some(ComputeRead), None),
         ];
         assert!(run(&steps).is_empty());
+    }
+
+    #[test]
+    fn barriers_of_one_command_do_not_chain() {
+        let mut t = HazardTracker::default();
+        t.access(1, "buffer", 0..64, ComputeWrite, "a");
+        t.barriers(&[(ComputeWrite, TransferRead), (TransferRead, ComputeRead)]);
+        t.access(1, "buffer", 0..64, ComputeRead, "b");
+        assert_eq!(t.take_hazards().len(), 1);
+        t.barriers(&[(TransferRead, ComputeRead), (ComputeWrite, IndirectRead)]);
+        t.access(1, "buffer", 0..64, ComputeRead, "c");
+        assert!(t.take_hazards().is_empty(), "the command before ordered transfers");
     }
 
     #[test]

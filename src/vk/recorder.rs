@@ -227,13 +227,13 @@ impl Recorder {
         self.barriers(&[(from, to)]);
     }
 
-    /// Several barriers at once: a device waits once for all of them.
+    /// Several barriers at once: a device waits once for all of them. They do not chain with each other.
     pub fn barriers(&mut self, barriers: &[(Access, Access)]) {
         if self.device.faults.is(Injection::MissingBarrier) {
             return;
         }
         if let Some(tracker) = &mut self.tracker {
-            barriers.iter().for_each(|&(from, to)| tracker.barrier(from, to));
+            tracker.barriers(barriers);
         }
         let of = |&(from, to): &(Access, Access)| {
             let ((src_stage, src_access), (dst_stage, dst_access)) = (from.to_vk(), to.to_vk());
