@@ -1107,6 +1107,9 @@ fn create_device(
         .vertex_pipeline_stores_and_atomics(
             instance.messenger.is_some() && has.vertex_pipeline_stores_and_atomics == vk::TRUE,
         );
+    // Chained like the others: of `pEnabledFeatures` best practices say in layer 1.4.309 that the device was not asked before
+    // (KhronosGroup/Vulkan-ValidationLayers#9900), which it was.
+    let mut core = vk::PhysicalDeviceFeatures2::default().features(core);
     let mut f12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
     let mut f13 = vk::PhysicalDeviceVulkan13Features::default();
     enable_features(&mut f12, &mut f13);
@@ -1115,7 +1118,7 @@ fn create_device(
     let extensions = [ash::khr::pipeline_executable_properties::NAME.as_ptr()];
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_features(&core)
+        .push_next(&mut core)
         .push_next(&mut f12)
         .push_next(&mut f13);
     if kernel_statistics {
