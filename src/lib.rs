@@ -34,6 +34,7 @@ pub mod error;
 pub mod input;
 pub mod measure;
 pub mod output;
+mod parallel;
 pub mod passes;
 pub mod primitives;
 pub mod render;

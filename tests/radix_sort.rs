@@ -124,7 +124,7 @@ fn exact_at_every_size_between_one_and_two_tiles() {
 fn exact_in_every_shape_and_by_all_ways_of_matching() {
     gpu_test(|ctx| {
         // GPU-assisted validation makes pipelines of long unrolled loops take minutes, and shapes change no address.
-        let shapes = [(128, 3), (64, 15), (128, 32), (96, 5)];
+        let shapes = [(128, 3), (64, 15), (128, 32), (96, 5), (128, 15)];
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..1] } else { &shapes };
         let random_words = Random(2).words(20_021);
         for &(workgroup, keys) in shapes {

@@ -82,7 +82,6 @@ struct Heat {
         CHECK(cudaEventElapsedTime(&ms, start, end));
         return ms;
     }
-
 };
 
 // Times `run` alone, after `prepare`.

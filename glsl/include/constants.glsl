@@ -15,7 +15,7 @@ const uint MAX_GRID = 65535u;
 
 // Push constant in place of a count: the count is in the arguments that dispatch_args.comp wrote.
 const uint COUNT_ON_DEVICE = 4294967295u;
-// Word of dispatch_args.comp's output with the clamped count; words 0 to 2 and 4 to 6 are indirect dispatches.
+// Word of dispatch_args.comp's output with the clamped count; words 0 to 2 are an indirect dispatch.
 const uint ARGS_COUNT = 3u;
 // Words of dispatch_args.comp's output.
 const uint ARGS_WORDS = 4u;

@@ -67,14 +67,6 @@ const PAUSE: Duration = Duration::from_millis(20);
 /// Words of the copies that heat it.
 const HEAT_WORDS: u32 = 1 << 24;
 
-/// Times what is recorded, again and again, on a device that is kept hot: a GPU that idles between short runs lowers its
-/// clocks, and small inputs then look several times slower than they are amid other work.
-pub(crate) struct Timer {
-    heat: Option<Heat>,
-    /// When the device last was at work.
-    worked: Cell<Instant>,
-}
-
 /// A copy that is fast on any device.
 const FOUR_VECTORS: CopyShape = CopyShape { workgroup: 256, rows: 4, width: 4 };
 
@@ -83,50 +75,67 @@ struct Heat {
     copy: BenchCopy,
     from: Buffer<u32>,
     to: Buffer<u32>,
-    copies: u32,
+    copies: Cell<u32>,
 }
 
 impl Heat {
-    fn record(&self, rec: &mut Recorder) {
-        for _ in 0..self.copies {
-            self.copy.record(rec, &self.from, &self.to, HEAT_WORDS);
-        }
-    }
-}
-
-impl Timer {
-    /// For this device; one that is a CPU is not heated.
-    ///
-    /// Errors: no memory for what is copied, or the device fails.
-    pub(crate) fn new(ctx: &Context) -> Result<Self> {
-        if ctx.is_cpu() {
-            return Ok(Self { heat: None, worked: Cell::new(Instant::now()) });
-        }
-        let copy = BenchCopy::new(ctx, FOUR_VECTORS)?;
+    /// With memory that has something in it.
+    fn new(ctx: &Context) -> Result<Self> {
         let buffer = |name| ctx.device_buffer(name, HEAT_WORDS as usize);
         let (from, to) = (buffer("bench.heat_from")?, buffer("bench.heat_to")?);
         let mut rec = Recorder::new(ctx)?;
         rec.fill(&from, 0);
         rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         rec.submit_and_wait()?;
-        let mut heat = Heat { copy, from, to, copies: 1 };
+        Ok(Self { copy: BenchCopy::new(ctx, FOUR_VECTORS)?, from, to, copies: Cell::new(1) })
+    }
+
+    fn record(&self, rec: &mut Recorder) {
+        for _ in 0..self.copies.get() {
+            self.copy.record(rec, &self.from, &self.to, HEAT_WORDS);
+        }
+    }
+
+    /// Works until clocks have risen, and finds how many copies take [`HEAT_MS`] then.
+    fn warm_up(&self, ctx: &Context) -> Result<()> {
         let began = Instant::now();
         while began.elapsed() < WARM_UP {
-            let ms = time(ctx, |rec| heat.record(rec))?.gpu / f64::from(heat.copies);
-            heat.copies = ((HEAT_MS / ms).ceil() as u32).clamp(1, 100);
+            let ms = time(ctx, |rec| self.record(rec))?.gpu / f64::from(self.copies.get());
+            self.copies.set(((HEAT_MS / ms).ceil() as u32).clamp(1, 100));
         }
-        Ok(Self { heat: Some(heat), worked: Cell::new(Instant::now()) })
+        Ok(())
+    }
+}
+
+/// Times what is recorded, again and again, on a device that is kept hot: a GPU that idles between short runs lowers its
+/// clocks, and small inputs then look several times slower than they are amid other work.
+pub(crate) struct Timer<'a> {
+    ctx: &'a Context,
+    /// Where the device is no CPU.
+    heat: Option<Heat>,
+    /// When the device last was at work.
+    worked: Cell<Option<Instant>>,
+}
+
+impl<'a> Timer<'a> {
+    /// For this device.
+    ///
+    /// Errors: no memory for what is copied, or the device fails.
+    pub(crate) fn new(ctx: &'a Context) -> Result<Self> {
+        let heat = if ctx.is_cpu() { None } else { Some(Heat::new(ctx)?) };
+        Ok(Self { ctx, heat, worked: Cell::new(None) })
     }
 
     /// One run of what `record` records, after `prepare`, untimed; in its parts ([`Recorder::part`]) or as one pass.
-    fn run_once(
+    ///
+    /// Errors: the device fails.
+    pub(crate) fn run_once(
         &self,
-        ctx: &Context,
         in_parts: bool,
         prepare: impl Fn(&mut Recorder),
         record: impl Fn(&mut Recorder),
     ) -> Result<Vec<TimedPass>> {
-        let mut rec = Recorder::new(ctx)?;
+        let mut rec = Recorder::new(self.ctx)?;
         if in_parts {
             rec.time_parts();
         }
@@ -139,21 +148,8 @@ impl Timer {
         record(&mut rec);
         rec.end_pass();
         let passes = rec.submit_and_wait()?;
-        self.worked.set(Instant::now());
+        self.worked.set(Some(Instant::now()));
         Ok(passes)
-    }
-
-    /// The parts of `runs` runs of what `record` records ([`Recorder::part`]); before each, untimed, what `prepare` records.
-    ///
-    /// Errors: the device fails.
-    pub(crate) fn parts(
-        &self,
-        ctx: &Context,
-        runs: u32,
-        prepare: impl Fn(&mut Recorder),
-        record: impl Fn(&mut Recorder),
-    ) -> Result<Vec<Vec<TimedPass>>> {
-        (0..runs).map(|_| self.run_once(ctx, true, &prepare, &record)).collect()
     }
 
     /// GPU times of `runs` runs of what `record` records, in ms, after some that do not count; before each, untimed, what
@@ -162,23 +158,21 @@ impl Timer {
     /// Errors: the device has no timestamps, or fails.
     pub(crate) fn each(
         &self,
-        ctx: &Context,
         runs: u32,
         prepare: impl Fn(&mut Recorder),
         record: impl Fn(&mut Recorder),
     ) -> Result<Vec<f64>> {
-        let run = || -> Result<f64> {
-            let ms = self.run_once(ctx, false, &prepare, &record)?.iter().map(|pass| pass.ms).sum();
+        let run = |_| {
+            let ms = self.run_once(false, &prepare, &record)?.iter().map(|pass| pass.ms).sum();
             if ms > 0.0 { Ok(ms) } else { Err(no_timestamps()) }
         };
-        let (began, is_cold) = (Instant::now(), self.heat.is_some() && self.worked.get().elapsed() > PAUSE);
-        for warm_up in 0.. {
-            if warm_up >= WARM_UPS && !(is_cold && began.elapsed() < WARM_UP) {
-                break;
-            }
-            run()?;
+        if let Some(heat) = &self.heat
+            && self.worked.get().is_none_or(|worked| worked.elapsed() > PAUSE)
+        {
+            heat.warm_up(self.ctx)?;
         }
-        (0..runs).map(|_| run()).collect()
+        (0..WARM_UPS).try_for_each(|i| run(i).map(drop))?;
+        (0..runs).map(run).collect()
     }
 }
 

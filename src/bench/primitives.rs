@@ -3,6 +3,7 @@
 
 use super::{FOUR_VECTORS, Timer};
 use crate::cpu;
+use crate::parallel::fill_chunks;
 use crate::passes::bench_copy::{BenchCopy, CopyShape};
 use crate::passes::lookback::{Carry, Count, Diagnostics, MAX_ITEMS};
 use crate::passes::radix_sort::{RadixSort, RadixSortConfig, Sorted};
@@ -12,8 +13,6 @@ use crate::vk::{Access, Buffer, Context, Recorder};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::cell::Cell;
-use std::num::NonZero;
-use std::thread;
 use std::time::Instant;
 
 /// Options.
@@ -131,18 +130,17 @@ const PART_RUNS: u32 = 5;
 
 /// Adds to `row` what [`PART_RUNS`] runs of its own show.
 fn add_parts(
-    ctx: &Context,
-    timer: &Timer,
+    timer: &Timer<'_>,
     row: &mut Row,
     diagnostics: &Diagnostics,
     prepare: impl Fn(&mut Recorder),
     record: impl Fn(&mut Recorder),
 ) -> Result<()> {
-    let mut rec = Recorder::new(ctx)?;
+    let mut rec = Recorder::new(timer.ctx)?;
     diagnostics.clear(&mut rec);
     rec.submit_and_wait()?;
-    let runs = timer.parts(ctx, PART_RUNS, prepare, record)?;
-    let report = diagnostics.check(ctx, "bench")?;
+    let runs: Vec<_> = (0..PART_RUNS).map(|_| timer.run_once(true, &prepare, &record)).collect::<Result<_>>()?;
+    let report = diagnostics.check(timer.ctx, "bench")?;
     // The first is empty: it ends where the first part begins.
     row.parts = (1..runs[0].len())
         .map(|part| (runs[0][part].name, median(&runs.iter().map(|run| run[part].ms).collect::<Vec<_>>())))
@@ -163,14 +161,10 @@ const COPIES: [(&str, CopyShape); 4] = [
 /// Keys that are the AND of `ands` random words.
 pub fn keys(count: u32, ands: u32) -> Vec<u32> {
     let word = |i: u32, k: u32| cpu::rng::random_word(cpu::rng::stream_key(i, k, 0, 0), 1);
-    let key = move |i: u32| (0..ands).fold(u32::MAX, |key, k| key & word(i, k));
+    let key = |i: u32| (0..ands).fold(u32::MAX, |key, k| key & word(i, k));
     let mut keys = vec![0; count as usize];
-    let threads = thread::available_parallelism().map_or(1, NonZero::get);
-    let part = keys.len().div_ceil(threads).max(1);
-    thread::scope(|scope| {
-        for (keys, first) in keys.chunks_mut(part).zip((0..).step_by(part)) {
-            scope.spawn(move || keys.iter_mut().zip(first..).for_each(|(word, i)| *word = key(i)));
-        }
+    fill_chunks(&mut keys, 1 << 16, |keys, first| {
+        keys.iter_mut().zip(first as u32..).for_each(|(word, i)| *word = key(i));
     });
     keys
 }
@@ -191,8 +185,7 @@ fn wrong(pass: &'static str, what: &str, items: u32) -> Error {
 
 /// Times of copies of `n` words, and the largest bandwidth among them.
 fn copies(
-    ctx: &Context,
-    timer: &Timer,
+    timer: &Timer<'_>,
     shapes: &[(&str, BenchCopy)],
     (from, to): (&Buffer<u32>, &Buffer<u32>),
     n: u32,
@@ -201,7 +194,6 @@ fn copies(
     let row = |what: &str, times: &[f64]| Row::new(what, n, None, SCAN_BYTES, times);
     let mut rows = Vec::new();
     let times = timer.each(
-        ctx,
         runs,
         |_| {},
         |rec| {
@@ -214,7 +206,7 @@ fn copies(
     rows.push(row("vkCmdCopyBuffer", &times));
     for (name, copy) in shapes {
         if n.is_multiple_of(4) {
-            rows.push(row(name, &timer.each(ctx, runs, |_| {}, |rec| copy.record(rec, from, to, n))?));
+            rows.push(row(name, &timer.each(runs, |_| {}, |rec| copy.record(rec, from, to, n))?));
         }
     }
     let best = rows.iter().map(|r| r.bytes_per_second).fold(0.0, f64::max);
@@ -246,11 +238,11 @@ pub fn scan(ctx: &Context, config: &Config, shape: ScanConfig, progress: &mut dy
     let output = ctx.device_buffer("bench.sums", most as usize)?;
     let mut rows = Vec::new();
     for (i, &n) in config.sizes.iter().enumerate() {
-        rows.extend(copies(ctx, &timer, &shapes, (&input, &output), n, config.runs)?);
+        rows.extend(copies(&timer, &shapes, (&input, &output), n, config.runs)?);
         let record = |rec: &mut Recorder| scan.record(rec, &input, &output, Count::Host(n), &scratch);
-        let times = timer.each(ctx, config.runs, |_| {}, record)?;
+        let times = timer.each(config.runs, |_| {}, record)?;
         let mut row = Row::new(&name_of("scan", shape.carry), n, None, SCAN_BYTES, &times);
-        add_parts(ctx, &timer, &mut row, scratch.diagnostics(), |_| {}, record)?;
+        add_parts(&timer, &mut row, scratch.diagnostics(), |_| {}, record)?;
         let sums = ctx.read_back_range(&output, 0..n as usize)?;
         let expected = if shape.inclusive { cpu::scan::inclusive } else { cpu::scan::exclusive };
         if sums != expected(&items[..n as usize]) {
@@ -325,7 +317,7 @@ pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &m
     let mut rows = Vec::new();
     let mut done = 0.0;
     for &n in &config.sizes {
-        rows.extend(copies(ctx, &timer, &shapes, (&place_buffer, &payload_buffer), n, config.runs)?);
+        rows.extend(copies(&timer, &shapes, (&place_buffer, &payload_buffer), n, config.runs)?);
     }
     for payloads in [false, true] {
         let sort = RadixSort::new(ctx, RadixSortConfig { payloads, ..shape })?;
@@ -355,10 +347,10 @@ pub fn sort(ctx: &Context, config: &Config, shape: RadixSortConfig, progress: &m
                         Sorted { keys, payloads: keys }
                     }));
                 };
-                let times = timer.each(ctx, config.runs, prepare, record)?;
+                let times = timer.each(config.runs, prepare, record)?;
                 let entropy = Some(entropy_of(ands));
                 let mut row = Row::new(&what, n, entropy, sort_bytes(config.bits, payloads), &times);
-                add_parts(ctx, &timer, &mut row, scratch.diagnostics(), prepare, record)?;
+                add_parts(&timer, &mut row, scratch.diagnostics(), prepare, record)?;
                 let result = result.get().expect("every run sets it");
                 let sorted = ctx.read_back_range(result.keys, 0..n as usize)?;
                 let places = if payloads { Some(ctx.read_back_range(result.payloads, 0..n as usize)?) } else { None };

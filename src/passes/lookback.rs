@@ -331,55 +331,27 @@ impl DispatchArgs {
         ctx.device_buffer(name, constants::ARGS_WORDS as usize)
     }
 
-    /// Writes into `args`, made by [`DispatchArgs::buffer`], the arguments for tiles of `tile_items` items, and the count, at most
-    /// `capacity`, at `constants::ARGS_COUNT`.
+    /// Writes into `args`, made by [`DispatchArgs::buffer`], the arguments for tiles of so many items, of which so many workgroups
+    /// run even for no item, 0 or 1; and the count, at most `capacity`, at `constants::ARGS_COUNT`.
     ///
     /// Starts by ordering earlier reads of `args`, and all compute accesses; ends by ordering its writes before
     /// [`Access::IndirectRead`] and all compute accesses.
     pub fn record(
         &self,
         rec: &mut Recorder,
-        counts: (&Buffer<u32>, u32),
+        (counts, offset): (&Buffer<u32>, u32),
         capacity: u32,
-        tile_items: u32,
+        (tile_items, least_tiles): (u32, u32),
         args: &Buffer<u32>,
         diagnostics: &Diagnostics,
     ) {
-        let (offset, least_tiles) = (counts.1, 0);
-        let push = DispatchArgsPush { offset, capacity, tile_items, least_tiles };
-        self.record_push(rec, counts.0, &push, args, diagnostics);
-    }
-
-    /// The same for kernels of which one workgroup runs even for no item.
-    pub(super) fn record_at_least_one(
-        &self,
-        rec: &mut Recorder,
-        counts: (&Buffer<u32>, u32),
-        capacity: u32,
-        tile_items: u32,
-        args: &Buffer<u32>,
-        diagnostics: &Diagnostics,
-    ) {
-        let push = DispatchArgsPush { offset: counts.1, capacity, tile_items, least_tiles: 1 };
-        self.record_push(rec, counts.0, &push, args, diagnostics);
-    }
-
-    fn record_push(
-        &self,
-        rec: &mut Recorder,
-        counts: &Buffer<u32>,
-        push: &DispatchArgsPush,
-        args: &Buffer<u32>,
-        diagnostics: &Diagnostics,
-    ) {
-        let offset = push.offset;
         assert!((offset as usize) < counts.len(), "element {offset} of '{}'", counts.name());
         rec.barrier(Access::IndirectRead, Access::ComputeWrite);
         rec.barrier(Access::ComputeReadWrite, Access::ComputeReadWrite);
         rec.dispatch(
             &self.pipeline,
             &[("counts", counts.bind()), ("args", args.bind()), ("diagnostics", diagnostics.buffer().bind())],
-            push,
+            &DispatchArgsPush { offset, capacity, tile_items, least_tiles },
             [1, 1, 1],
         );
         rec.barrier(Access::ComputeWrite, Access::IndirectRead);

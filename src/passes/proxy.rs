@@ -357,7 +357,7 @@ impl Proxy {
         sorted_run: &Buffer<u32>,
     ) {
         let runs = (&self.control, constants::PROXY_RUNS);
-        self.args_pass.record(rec, runs, self.capacity, TILE, &self.run_args, &self.diagnostics);
+        self.args_pass.record(rec, runs, self.capacity, (TILE, 0), &self.run_args, &self.diagnostics);
         rec.barrier(Access::ComputeReadWrite, Access::TransferWrite);
         rec.fill(&self.status, 0);
         rec.fill(&self.tables.size, 0);
@@ -389,7 +389,7 @@ impl Proxy {
             rec.barrier(Access::TransferWrite, Access::ComputeReadWrite);
         }
         let (counts, room) = ((&self.control, constants::PROXY_BUCKETS), self.bucket_light.len() as u32);
-        self.args_pass.record(rec, counts, room, LIST_WORKGROUP, &self.bucket_args, &self.diagnostics);
+        self.args_pass.record(rec, counts, room, (LIST_WORKGROUP, 0), &self.bucket_args, &self.diagnostics);
         let binds = [
             ("scene_block", scene.block.bind()),
             ("bucket_color", self.tables.color.bind()),

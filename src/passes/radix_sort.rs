@@ -376,7 +376,7 @@ impl RadixSort {
         };
         assert!(most <= capacity, "sort of {most} pairs with room for {capacity}");
         if let Count::Gpu { buffer, offset } = count {
-            self.args.record(rec, (buffer, offset), capacity, self.tile, &memory.args, diagnostics);
+            self.args.record(rec, (buffer, offset), capacity, (self.tile, 0), &memory.args, diagnostics);
         }
         let rows = self.rows(most);
         let pushed = count.pushed();

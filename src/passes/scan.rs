@@ -165,11 +165,7 @@ impl Scan {
             }
             Count::Gpu { buffer, offset } => {
                 let (counts, args) = ((buffer, offset), &memory.args);
-                if self.total {
-                    self.args.record_at_least_one(rec, counts, capacity, self.tile, args, diagnostics);
-                } else {
-                    self.args.record(rec, counts, capacity, self.tile, args, diagnostics);
-                }
+                self.args.record(rec, counts, capacity, (self.tile, self.total.into()), args, diagnostics);
                 capacity.div_ceil(self.tile)
             }
         };

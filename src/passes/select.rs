@@ -74,7 +74,7 @@ impl Select {
                 n.div_ceil(TILE)
             }
             Count::Gpu { buffer, offset } => {
-                self.args.record_at_least_one(rec, (buffer, offset), capacity, TILE, &memory.args, diagnostics);
+                self.args.record(rec, (buffer, offset), capacity, (TILE, 1), &memory.args, diagnostics);
                 capacity.div_ceil(TILE)
             }
         };

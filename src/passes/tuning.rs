@@ -4,8 +4,6 @@
 use super::lookback::Carry;
 use super::radix_sort::RadixSortConfig;
 use super::scan::ScanConfig;
-#[cfg(test)]
-use crate::shaders::constants;
 use crate::vk::{Context, DriverId};
 
 /// PCI vendor of NVIDIA.
@@ -93,6 +91,7 @@ impl Tuning {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shaders::constants;
 
     #[test]
     fn the_loop_budget_has_room_for_several_tiles_that_do_not_come_forth() {

@@ -181,8 +181,8 @@ pub fn decide(found: &Found, costs: &Costs, work: &Work, wanted: &GatherConfig, 
     // The least V0/M + V1/N for a time, and the other way round, has M/N = √(V0 C1/(V1 C0)).
     let variance = found.phase / f64::from(wanted.directions);
     let best = (found.proxy + (found.proxy * found.residual * residual_ray / proxy_ray).sqrt()) / variance;
-    // A ratio of nothing to nothing is no number, and leads to `phase`.
     let most = most_candidates(wanted, words);
+    // A ratio of nothing to nothing is no number, and leads to `phase`.
     let candidates = if best.is_finite() { (best.floor() + 1.0).min(f64::from(most)) } else { 1.0 };
     let directions = (found.residual / (variance - found.proxy / candidates)).ceil().max(1.0);
     let time = work.shares * (candidates * proxy_ray + directions * residual_ray)

@@ -182,8 +182,6 @@ struct Auto {
     wanted: GatherConfig,
     /// Cells of a chunk, for the gather that may be decided on.
     chunk: u32,
-    /// Words that each of them may have of a list.
-    words: u32,
 }
 
 /// Delta lights whose order 1 is kept apart where g ≠ 0: each takes an image, and a gather of its own.
@@ -273,8 +271,7 @@ impl<'a> Renderer<'a> {
                     let steps = [gather_config.step, gather_config.proxy_step];
                     let pilot = Pilot::new(ctx, &data, gather_config.directions, steps)?;
                     let costs = internals.costs.map_or_else(|| Costs::of(ctx), Ok)?;
-                    let words = (chunk_bytes(ctx) / (4 * u64::from(chunk))) as u32;
-                    Some(Auto { pilot, costs, wanted: gather_config, chunk, words })
+                    Some(Auto { pilot, costs, wanted: gather_config, chunk })
                 } else {
                     None
                 },
@@ -733,7 +730,8 @@ impl<'a> Renderer<'a> {
             work.shares += cells * shares;
             work.cells += cells * (later + 1.0);
         }
-        let stats = auto::decide(&found, &auto.costs, &work, &auto.wanted, auto.words);
+        let words = (chunk_bytes(self.ctx) / (4 * u64::from(auto.chunk))) as u32;
+        let stats = auto::decide(&found, &auto.costs, &work, &auto.wanted, words);
         Ok(Some(AutoStats { iteration: order, cells: Pilot::cells(list), ..stats }))
     }
 

@@ -10,6 +10,7 @@ mod skull;
 mod tree;
 
 use super::{Grid, Volume, VoxelData};
+use crate::parallel::fill_chunks;
 use crate::{Error, Result};
 use field::{bijection, hash};
 use glam::{DVec3, Vec3};
@@ -121,7 +122,8 @@ fn sample(phantom: &Phantom, body: &dyn Body, dims: [u32; 3], what: &str) -> Res
     values.resize(nx * ny * nz, 0);
     let step = (phantom.high - phantom.low) / Vec3::new(nx as f32, ny as f32, nz as f32);
     let centre = |x: usize, y: usize, z: usize| phantom.low + (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * step;
-    let fill = |slab: &mut [u8], z0: usize| {
+    let fill = |slab: &mut [u8], first: usize| {
+        let z0 = first / (nx * ny);
         let z1 = z0 + slab.len() / (nx * ny);
         for y0 in (0..ny).step_by(BLOCK) {
             for x0 in (0..nx).step_by(BLOCK) {
@@ -142,17 +144,7 @@ fn sample(phantom: &Phantom, body: &dyn Body, dims: [u32; 3], what: &str) -> Res
             }
         }
     };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    // Every thread takes each `threads`-th slab, since neighbours cost about the same.
-    let mut shares: Vec<Vec<_>> = (0..threads).map(|_| Vec::new()).collect();
-    for (i, slab) in values.chunks_mut(BLOCK * nx * ny).enumerate() {
-        shares[i % threads].push((BLOCK * i, slab));
-    }
-    std::thread::scope(|scope| {
-        for share in shares {
-            scope.spawn(|| share.into_iter().for_each(|(z, slab)| fill(slab, z)));
-        }
-    });
+    fill_chunks(&mut values, BLOCK * nx * ny, fill);
     Ok(values)
 }
 
