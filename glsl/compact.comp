@@ -25,6 +25,22 @@ layout(push_constant, scalar) uniform CompactPush {
     uint edge;
 };
 
+// Does no ray of the eye reach the cell's block, or one beside it?
+bool is_remote(ivec3 cell, ivec3 counts) {
+    ivec3 edge = ivec3(REACH_BLOCK);
+    ivec3 low = max(cell / edge - 1, ivec3(0));
+    ivec3 high = min(cell / edge + 1, (counts - 1) / edge);
+    uint bits = 0u;
+    for (int z = low.z; z <= high.z; z++) {
+        for (int y = low.y; y <= high.y; y++) {
+            for (int x = low.x; x <= high.x; x++) {
+                bits |= texelFetch(marks, ivec3(x, y, z) * edge, 0).r;
+            }
+        }
+    }
+    return (bits >> MARK_REACHED & 1u) == 0u;
+}
+
 uint tile_item(uint index) {
     if (index >= count) {
         return 0u;
@@ -33,12 +49,17 @@ uint tile_item(uint index) {
     uint listed = LISTED;
     bool is_block = listed == LISTED_VOXELS || listed == LISTED_NODES;
     uvec3 counts = (scene.dims + edge - 1u) / edge + (is_block ? 0u : 1u);
-    uint bits = texelFetch(marks, from_linear(first + index, counts), 0).r;
+    ivec3 at = from_linear(first + index, counts);
+    uint bits = texelFetch(marks, at, 0).r;
     if (listed < LISTED_SEEN) {
         return bits >> listed & 1u;
     }
     uint seen = bits >> LISTED_SEEN & 1u;
-    return (bits >> LISTED_CELLS & 1u) & (listed == LISTED_SEEN ? seen : 1u - seen);
+    bool is_cell = (bits >> LISTED_CELLS & 1u) != 0u;
+    if (listed == LISTED_SEEN || !is_cell || seen != 0u) {
+        return is_cell && listed == LISTED_SEEN ? seen : 0u;
+    }
+    return is_remote(at, ivec3(counts)) == (listed == LISTED_REMOTE) ? 1u : 0u;
 }
 
 void main() {

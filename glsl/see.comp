@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// See: marks the cells that the eye sees, so that they can be given more directions than the others (compact.comp). What it
-// misses costs noise, no bias.
+// See: marks the cells that the eye sees, so that they can be given more directions than the others, and those that its rays
+// reach at all (compact.comp).
 // Grid: x, y = rays of a band of rows, `rays` x `rays` per pixel.
 #define SCENE_COPIED
 #include "include/march.glsl"
@@ -9,7 +9,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(set = 0, binding = 1) uniform sampler3D field;
-// As mark.comp wrote them; the bit of LISTED_SEEN is added.
+// As mark.comp wrote them; the bits of LISTED_SEEN and MARK_REACHED are added.
 layout(set = 0, binding = 3, r32ui) uniform uimage3D marks;
 
 layout(push_constant, scalar) uniform SeePush {
@@ -34,14 +34,19 @@ void main() {
     Ray ray = make_eye_ray(eye_direction((vec2(at) + 0.5) / vec2(count)), step_voxels);
     float tau = 0.0;
     float t = 0.0;
-    while (t < ray.end && exp(-tau) > SEEN_TRANSMITTANCE) {
+    // As far as the camera's rays.
+    while (t < ray.end && exp(-tau) > LEAST_TRANSMITTANCE) {
         float stride = min(ray.dt, ray.end - t);
         vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
         float sigma = textureLod(field, p / vec3(scene.dims), 0.0).a;
         if (sigma > 0.0) {
             // Cell c spans c − 0.5 to c + 0.5 blocks.
             vec3 cell = floor(p / float(scene.light_edge) + 0.5);
-            imageAtomicOr(marks, clamp(ivec3(cell), ivec3(0), ivec3(scene.light_dims)), 1u << LISTED_SEEN);
+            ivec3 at = clamp(ivec3(cell), ivec3(0), ivec3(scene.light_dims));
+            imageAtomicOr(marks, at / int(REACH_BLOCK) * int(REACH_BLOCK), 1u << MARK_REACHED);
+            if (exp(-tau) > SEEN_TRANSMITTANCE) {
+                imageAtomicOr(marks, at, 1u << LISTED_SEEN);
+            }
         }
         tau += sigma * scene.max_extinction * stride;
         t += steps_ahead(ray, p) * ray.dt;

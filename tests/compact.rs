@@ -10,6 +10,7 @@ use bodies::{CHUNK, Setup, cases, random_light, scene_of, scenes, texture};
 use common::gpu_test;
 use data::assert_same;
 use tyndall::cpu::compact::compact;
+use tyndall::cpu::see::Sight;
 use tyndall::passes::compact::{Blocks, List, Listed, Marks};
 use tyndall::passes::lookback::Carry;
 use tyndall::shaders::constants::MAX_LIGHT_EDGE;
@@ -27,8 +28,8 @@ fn count(blocks: Blocks, listed: Listed) -> u32 {
 #[test]
 fn lists_agree_with_the_twin() {
     gpu_test(|ctx| {
-        // Without see.comp nothing is seen.
-        let all = [&ALL[..], &[Listed::SeenCells, Listed::HiddenCells]].concat();
+        // Without see.comp nothing is seen, and all is out of reach.
+        let all = [&ALL[..], &[Listed::SeenCells, Listed::HiddenCells, Listed::RemoteCells]].concat();
         for (name, mut scene) in scenes() {
             let mut active = Vec::new();
             for edge in 1..=MAX_LIGHT_EDGE {
@@ -36,7 +37,7 @@ fn lists_agree_with_the_twin() {
                 let setup = Setup::new(ctx, &scene);
                 let (params, field, blocks) =
                     (&setup.host.params, texture(ctx, &setup.field), setup.data.light_blocks());
-                let nothing = vec![false; count(blocks, Listed::Cells) as usize];
+                let nothing = vec![Sight::default(); count(blocks, Listed::Cells) as usize];
                 for &listed in &cases(all.clone()) {
                     let expected = compact(params, blocks, &field, &nothing, listed, 0, count(blocks, listed));
                     let case = format!("{name}, blocks of {edge}, {listed:?}");

@@ -13,11 +13,17 @@ use std::process::Command;
 use tyndall::measure::metrics::{block_z_scores, compare};
 use tyndall::output::Picture;
 use tyndall::render::{Internals, Renderer};
-use tyndall::scene::{Mask, Precision, Sampling, Scene};
+use tyndall::scene::camera::{Framing, frame};
+use tyndall::scene::{Environment, Mask, Precision, Sampling, Scene};
 use tyndall::vk::{Context, Validation};
 
-const NORMAL: Internals =
-    Internals { zero_bucket_colors: false, proxy_capacity: None, segment_voxels: None, costs: None };
+const NORMAL: Internals = Internals {
+    zero_bucket_colors: false,
+    proxy_capacity: None,
+    segment_voxels: None,
+    costs: None,
+    gathers_everywhere: false,
+};
 
 /// A lumpy cube of `edge`³ voxels that fills the picture, lit from one side only, so that the light within comes from
 /// few directions. Camera samples enough that the noise is mostly the gathers.
@@ -185,6 +191,45 @@ fn fewer_directions_for_hidden_cells_keep_the_mean() {
         assert_agree("hidden share 0.25", &quarter, &all, 0.01);
         // The share is not without effect.
         assert!(variance(&quarter) > 1.05 * variance(&all), "{} {}", variance(&quarter), variance(&all));
+    });
+}
+
+/// What is out of the eye's reach is left out of the last gather, and that changes nothing that it could see: less than a
+/// thousandth of the noise. Where its rays are too far apart to know, nothing is left out.
+#[test]
+fn cells_out_of_reach_need_no_last_gather() {
+    if skips_statistics("cells_out_of_reach_need_no_last_gather") {
+        return;
+    }
+    gpu_test(|ctx| {
+        for (g, orders) in [(0.0, 3), (0.4, 3), (0.0, 1)] {
+            let both = |zoom: f64| {
+                let mut scene = scene(20, Sampling::Phase, "directions = 8\nenvironment_directions = 8");
+                scene.density_scale = 12.0;
+                (scene.g, scene.settings.orders) = (g, orders);
+                scene.environment = Some(Environment::Constant(glam::Vec3::ONE));
+                let framing = Framing { azimuth: 20.0, elevation: 10.0, zoom, ..Framing::default() };
+                scene.camera = frame(&scene.volume.grid, &framing, scene.settings.size);
+                [false, true].map(|gathers_everywhere| {
+                    let internals = Internals { gathers_everywhere, ..NORMAL };
+                    let mut renderer = Renderer::new(ctx, &scene, internals).unwrap();
+                    ([5, 6].map(|seed| picture(&mut renderer, seed)), renderer.listed_cells())
+                })
+            };
+            let case = format!("g {g}, orders {orders}");
+            let [([near, _], [seen, hidden, remote]), ([all, other], cells)] = both(1.9);
+            assert_eq!(cells, [seen, hidden + remote, 0], "{case}");
+            assert!(4 * remote > seen, "{case}: {remote} cells are out of reach, {seen} are seen");
+            let [off, noise] = [&near, &other].map(|b| compare(&all, b).unwrap().rel_mse);
+            println!(
+                "{case}: {remote} of {} cells are out of reach: relMSE {off:.1e}, noise {noise:.1e}",
+                cells[0] + cells[1]
+            );
+            assert!(off > 0.0 && off < 1e-3 * noise, "{case}: {off} of {noise}");
+            let [(far, [.., remote]), (all, _)] = both(0.05);
+            assert_eq!(remote, 0, "{case}: nothing is known of it");
+            assert!(far == all, "{case}: far away");
+        }
     });
 }
 

@@ -16,8 +16,8 @@ use tyndall::passes::see::{See, rays};
 use tyndall::vk::{Context, Recorder};
 use tyndall::volume::Grid;
 
-/// Seen cells and hidden ones, each a list that the device made.
-fn seen_and_hidden(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 2] {
+/// Cells that are seen, hidden, and out of reach, each a list that the device made.
+fn lists(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 3] {
     let pass = See::new(ctx).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
     let (dims, size) = (setup.data.params.dims, setup.data.params.size);
@@ -26,7 +26,7 @@ fn seen_and_hidden(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 2] {
     for rows in [0..height / 2, height / 2..height] {
         pass.record(&mut rec, &setup.data, &setup.field, &setup.emptiness.image, &setup.marks, rows);
     }
-    let mut lists = [Listed::SeenCells, Listed::HiddenCells]
+    let mut lists = [Listed::SeenCells, Listed::HiddenCells, Listed::RemoteCells]
         .map(|listed| List::new(ctx, setup.data.light_blocks(), listed, CHUNK, None).unwrap());
     for list in &lists {
         list.record(&mut rec, &setup.data, &setup.marks);
@@ -38,15 +38,16 @@ fn seen_and_hidden(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 2] {
     lists.map(|list| list.read_back(ctx).unwrap().into_iter().collect())
 }
 
-/// A ray may meet a cell's face within rounding, or lose sight of what is behind: few cells may differ. Seen and hidden
-/// cells together are all cells, whatever is seen.
+/// A ray may meet a cell's face within rounding, or lose sight of what is behind: few cells may differ. The lists together are
+/// all cells, each once, whatever is seen.
 #[test]
-fn seen_cells_agree_with_the_twin() {
+fn cells_agree_with_the_twin() {
     gpu_test(|ctx| {
-        let mut seen_at_all = 0;
-        let all = scenes().into_iter().flat_map(|s| [1, 3].map(|edge| (edge, s.clone()))).collect();
-        for (edge, (name, mut scene)) in cases::<(u32, _)>(all) {
-            scene.settings.light_grid = edge;
+        let mut at_all = [0; 3];
+        let variants = [(1, 1.0), (3, 1.0), (1, 1000.0), (3, 1000.0)];
+        let all = scenes().into_iter().flat_map(|s| variants.map(|variant| (variant, s.clone()))).collect();
+        for ((edge, density), (name, mut scene)) in cases::<((u32, f64), _)>(all) {
+            (scene.settings.light_grid, scene.density_scale) = (edge, density);
             let setup = Setup::new(ctx, &scene);
             let (params, field) = (&setup.host.params, texture(ctx, &setup.field));
             let blocks = setup.data.light_blocks();
@@ -54,24 +55,32 @@ fn seen_cells_agree_with_the_twin() {
             let list = |listed| -> BTreeSet<u32> {
                 compact(params, blocks, &field, &see(params, &field), listed, 0, count).into_iter().collect()
             };
-            let [seen, hidden] = seen_and_hidden(ctx, &setup);
-            assert_eq!(&seen | &hidden, list(Listed::Cells), "{name}");
-            assert!(seen.is_disjoint(&hidden), "{name}");
-            let expected = list(Listed::SeenCells);
-            let different = (&seen ^ &expected).len();
-            assert!(different * 100 <= expected.len(), "{name}: {different} cells differ of {}", expected.len());
-            seen_at_all += seen.len();
+            let lists = lists(ctx, &setup);
+            let mut together: Vec<u32> = lists.iter().flatten().copied().collect();
+            together.sort_unstable();
+            assert_eq!(together, list(Listed::Cells).into_iter().collect::<Vec<_>>(), "{name}");
+            let kinds = [Listed::SeenCells, Listed::HiddenCells, Listed::RemoteCells];
+            for ((kind, cells), at_all) in kinds.into_iter().zip(&lists).zip(&mut at_all) {
+                let different = (cells ^ &list(kind)).len();
+                assert!(
+                    different * 100 <= together.len(),
+                    "{name}, {kind:?}: {different} of {} differ",
+                    together.len()
+                );
+                *at_all += cells.len();
+            }
         }
-        assert!(seen_at_all > 100, "only {seen_at_all} cells are seen");
+        assert!(at_all.iter().all(|&n| n > 100), "too few: {at_all:?}");
     });
 }
 
 /// By hand: of an opaque block the eye, straight before its face y = 0, sees only the cells at that face, all of them where
-/// it looks straight on; of a thin one it sees every cell but those that rays miss at the faces along its sight.
+/// it looks straight on, and reaches no farther, so that what is beyond the next block of cells is out of reach; of a thin one
+/// it sees every cell but those that rays miss at the faces along its sight.
 #[test]
 fn the_eye_sees_the_face_of_an_opaque_block_and_all_of_a_thin_one() {
     gpu_test(|ctx| {
-        let layers = |density: f64| -> Vec<usize> {
+        let layers = |density: f64| -> [Vec<usize>; 2] {
             let grid = Grid::axis_aligned([12, 10, 11], [1.0; 3], [0.0; 3]);
             let mut scene = scene_of(grid, vec![0.9; 12 * 10 * 11]);
             let framing =
@@ -79,19 +88,24 @@ fn the_eye_sees_the_face_of_an_opaque_block_and_all_of_a_thin_one() {
             scene.settings.size = [64, 64];
             scene.camera = tyndall::scene::camera::frame(&scene.volume.grid, &framing, scene.settings.size);
             scene.density_scale = density;
-            let [seen, _] = seen_and_hidden(ctx, &Setup::new(ctx, &scene));
+            let [seen, _, remote] = lists(ctx, &Setup::new(ctx, &scene));
             let inner = |i: u32, n: u32| i > 0 && i < n;
-            let mut counts = vec![0; 11];
-            for cell in seen {
-                let (x, y, z) = (cell % 13, cell / 13 % 11, cell / 13 / 11);
-                counts[y as usize] += usize::from(inner(x, 12) && inner(z, 11));
-            }
-            counts
+            [seen, remote].map(|cells| {
+                let mut counts = vec![0; 11];
+                for cell in cells {
+                    let (x, y, z) = (cell % 13, cell / 13 % 11, cell / 13 / 11);
+                    counts[y as usize] += usize::from(inner(x, 12) && inner(z, 11));
+                }
+                counts
+            })
         };
-        let opaque = layers(1000.0);
+        let [opaque, remote] = layers(1000.0);
         assert_eq!(opaque[0], 11 * 10, "{opaque:?}");
         assert_eq!(opaque[2..].iter().sum::<usize>(), 0, "{opaque:?}");
-        let thin = layers(0.01);
+        assert_eq!(remote[..4].iter().sum::<usize>(), 0, "{remote:?}");
+        assert!(remote[4..].iter().all(|&n| n == 11 * 10), "{remote:?}");
+        let [thin, remote] = layers(0.01);
         assert!(thin.iter().all(|&n| n == 11 * 10), "{thin:?}");
+        assert_eq!(remote.iter().sum::<usize>(), 0, "{remote:?}");
     });
 }

@@ -136,17 +136,41 @@ fn cells_that_any_view_sees_get_their_share() {
         let cells = |views: &[Camera]| {
             let mut scene = body(0.0, LightFor::EveryView);
             scene.views = views.to_vec();
+            scene.density_scale = 500.0;
             let mut renderer = Renderer::new(ctx, &scene, Internals::default()).unwrap();
             renderer.render(SEED, &mut going_on).unwrap();
             renderer.listed_cells()
         };
         let all = views(&body(0.0, LightFor::EveryView));
-        let (seen, hidden) = cells(&all[..1]);
-        let (other, _) = cells(&all[1..]);
-        let (both, rest) = cells(&all);
+        let [seen, hidden, remote] = cells(&all[..1]);
+        let [other, ..] = cells(&all[1..]);
+        let [both, rest, of_none] = cells(&all);
         assert!(both > seen.max(other) && both <= seen + other, "{seen} and {other} cells, together {both}");
-        assert_eq!(both + rest, seen + hidden);
-        assert_eq!(cells(&[]), (seen + hidden, 0));
+        assert!(remote > of_none, "{remote} cells are out of one eye's reach, {of_none} out of that of two");
+        let count = seen + hidden + remote;
+        assert_eq!(both + rest + of_none, count);
+        assert_eq!(cells(&[]), [count, 0, 0]);
+    });
+}
+
+/// Another eye than those that were named may come near any cell: for it light is computed in all of them, whatever there was
+/// before.
+#[test]
+fn an_eye_that_was_not_expected_sees_light_everywhere() {
+    gpu_test(|ctx| {
+        let mut scene = body(0.0, LightFor::EveryView);
+        scene.views.truncate(1);
+        scene.density_scale = 500.0;
+        let mut renderer = Renderer::new(ctx, &scene, Internals::default()).unwrap();
+        renderer.render(SEED, &mut going_on).unwrap();
+        assert!(renderer.listed_cells()[2] > 0, "every cell is near what the eye reaches");
+        let ([second, fresh], passes) = second_view(ctx, &scene);
+        assert_ne!(passes, ["camera"]);
+        assert!(second == fresh, "other bytes than from a fresh start");
+        let everywhere = Internals { gathers_everywhere: true, ..Internals::default() };
+        let scene = Scene { camera: views(&scene)[1], ..scene };
+        let all = Renderer::new(ctx, &scene, everywhere).unwrap().render(SEED, &mut going_on).unwrap();
+        assert!(second == all, "cells are left out");
     });
 }
 

@@ -92,8 +92,15 @@ const uint LISTED_NODES = 1u;
 const uint LISTED_CELLS = 2u;
 // LISTED: of those, the ones that the eye sees (see.comp).
 const uint LISTED_SEEN = 3u;
-// LISTED: the other cells with extinction.
+// LISTED: the other cells with extinction, but for the remote ones.
 const uint LISTED_HIDDEN = 4u;
+// LISTED: cells with extinction out of the eye's reach: its rays end before they come into their block of cells, or into one
+// beside it. What is stored for one cell depends on its neighbours (project_solve.comp).
+const uint LISTED_REMOTE = 5u;
+// Bit of a block's first cell: a ray of the eye reaches the block. It is no list.
+const uint MARK_REACHED = 6u;
+// Cells along the edge of these blocks.
+const uint REACH_BLOCK = 2u;
 
 // Points of a cell.
 const uint CELL_POINTS = 8u;

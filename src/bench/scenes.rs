@@ -59,6 +59,10 @@ pub struct Config {
     pub edge: u32,
     /// Pixels.
     pub size: [u32; 2],
+    /// N of `phase` whose noise the others have to reach; these have shapes of as many directions.
+    pub directions: Vec<u32>,
+    /// What is compared with `phase`, in this order.
+    pub samplings: Vec<Sampling>,
     /// Pictures per setting.
     pub seeds: u32,
     /// Samples per pixel of each of the two references.
@@ -71,8 +75,6 @@ pub struct Config {
 
 /// Orders of the paper's pictures: single scattering and three iterations; it says three to five.
 const ORDERS: u32 = 4;
-/// N of `phase` whose noise the others have to reach.
-const TARGETS: [u32; 5] = [1, 2, 4, 8, 16];
 /// N, and M of N that are chosen from; or that lie below N traced differences.
 const SHAPES: [[u32; 2]; 7] = [[1, 4], [2, 8], [4, 8], [4, 16], [8, 16], [8, 32], [16, 32]];
 /// The paper's N of M.
@@ -89,7 +91,7 @@ pub struct Row {
     pub candidates: u32,
     /// K.
     pub orders: u32,
-    /// Time of a picture, in ms, proxy builds included.
+    /// Time of a picture, in ms, proxy builds included: the median of the seeds'.
     pub ms: f64,
     /// Root mean square of the relative error, of the bias and of the noise.
     pub error: f64,
@@ -154,32 +156,33 @@ fn with(base: &Settings, sampling: Sampling, [directions, candidates]: [u32; 2])
     Settings { sampling, directions, candidates, ..base.clone() }
 }
 
-/// The ways that are compared with `phase`.
-const RIVALS: [Sampling; 4] = [Sampling::Top, Sampling::Resample, Sampling::Residual, Sampling::Auto];
-
 /// The first is the sweep's base: `phase` with the paper's N.
-fn settings(base: &Settings) -> Vec<Settings> {
+fn settings(base: &Settings, config: &Config) -> Vec<Settings> {
+    let counts = || config.directions.iter().copied();
     let counted = |s: Sampling, n: u32| with(base, s, [n, base.candidates]);
     let mut all = vec![counted(Sampling::Phase, PAPER[0])];
-    all.extend(TARGETS.into_iter().filter(|&n| n != PAPER[0]).map(|n| counted(Sampling::Phase, n)));
-    for sampling in RIVALS {
+    all.extend(counts().filter(|&n| n != PAPER[0]).map(|n| counted(Sampling::Phase, n)));
+    for &sampling in &config.samplings {
         // `auto` finds M by itself: N says how little noise is wanted.
         match sampling {
-            Sampling::Auto => all.extend(TARGETS.map(|n| counted(sampling, n))),
-            _ => all.extend(SHAPES.map(|shape| with(base, sampling, shape))),
+            Sampling::Auto => all.extend(counts().map(|n| counted(sampling, n))),
+            _ => {
+                let shapes = SHAPES.into_iter().filter(|&[n, _]| n == PAPER[0] || counts().any(|c| c == n));
+                all.extend(shapes.map(|shape| with(base, sampling, shape)));
+            }
         }
     }
     all
 }
 
-fn iterations(base: &Settings, most: u32) -> Vec<Settings> {
-    let ways = [Sampling::Phase].into_iter().chain(RIVALS);
+fn iterations(base: &Settings, config: &Config) -> Vec<Settings> {
+    let ways = [Sampling::Phase].into_iter().chain(config.samplings.iter().copied());
     // The base has the references' orders: it comes first.
-    let orders: Vec<u32> = (1..=most).rev().collect();
+    let orders: Vec<u32> = (1..=config.iterations).rev().collect();
     ways.flat_map(|s| orders.iter().map(move |&orders| Settings { orders, ..with(base, s, PAPER) })).collect()
 }
 
-fn rows(sweep: &Sweep<'_>, clock: Clock) -> Vec<Row> {
+fn rows(sweep: &Sweep<'_>, config: &Config) -> Vec<Row> {
     let row = |r: &crate::measure::sweep::Row<'_>| {
         let (s, e) = (&r.setting.settings, &r.record.errors);
         Row {
@@ -187,7 +190,7 @@ fn rows(sweep: &Sweep<'_>, clock: Clock) -> Vec<Row> {
             directions: s.directions,
             candidates: if matches!(s.sampling, Sampling::Phase | Sampling::Auto) { 0 } else { s.candidates },
             orders: s.orders,
-            ms: r.record.time(clock),
+            ms: stats::median(r.record.times(config.clock)),
             error: e.error(),
             bias: e.bias_rms(),
             bias_bound: e.bias_bound(),
@@ -196,7 +199,7 @@ fn rows(sweep: &Sweep<'_>, clock: Clock) -> Vec<Row> {
         }
     };
     let mut rows: Vec<Row> = sweep.rows().iter().map(row).collect();
-    let place = |s: Sampling| RIVALS.iter().position(|&r| r == s).map_or(0, |i| i + 1);
+    let place = |s: Sampling| config.samplings.iter().position(|&r| r == s).map_or(0, |i| i + 1);
     rows.sort_by_key(|r| (place(r.sampling), r.orders, r.directions, r.candidates));
     rows
 }
@@ -225,7 +228,7 @@ fn time_at(rows: &[&Row], noise: f64) -> Option<f64> {
     Some(at.exp())
 }
 
-fn equal_noise(rows: &[Row]) -> Vec<Equal> {
+fn equal_noise(rows: &[Row], samplings: &[Sampling]) -> Vec<Equal> {
     let of = |sampling: Sampling| rows.iter().filter(move |r| r.sampling == sampling);
     let compare = |&sampling: &Sampling| {
         let all: Vec<&Row> = of(sampling).collect();
@@ -234,7 +237,7 @@ fn equal_noise(rows: &[Row]) -> Vec<Equal> {
         speedups.sort_by_key(|s| s.0);
         Equal { sampling, speedups }
     };
-    RIVALS.iter().map(compare).collect()
+    samplings.iter().map(compare).collect()
 }
 
 fn measure<'a>(
@@ -261,16 +264,17 @@ pub fn run(ctx: &Context, case: Case, config: &Config, folder: &Path, progress: 
     let kind = if config.real.is_some() { "-real" } else { "" };
     let folder = folder.join(format!("{}{kind}", case.name));
     let scene = scene_of(&case, config, ORDERS)?;
-    let (dims, all) = (scene.volume.grid.dims, settings(&scene.settings));
+    let (dims, all) = (scene.volume.grid.dims, settings(&scene.settings, config));
     let sweep = measure(ctx, scene, &folder, all, config, progress)?;
-    let rows = rows(&sweep, config.clock);
+    let rows = rows(&sweep, config);
     let active_fraction = sweep.active_fraction();
-    let mut table = Table { case, dims, active_fraction, equal: equal_noise(&rows), rows, iterations: vec![] };
+    let mut table =
+        Table { case, dims, active_fraction, equal: equal_noise(&rows, &config.samplings), rows, iterations: vec![] };
     if config.iterations > 0 {
         let scene = scene_of(&case, config, config.iterations)?;
-        let all = iterations(&scene.settings, config.iterations);
+        let all = iterations(&scene.settings, config);
         let sweep = measure(ctx, scene, &folder, all, config, progress)?;
-        table.iterations = self::rows(&sweep, config.clock);
+        table.iterations = self::rows(&sweep, config);
     }
     Ok(table)
 }
@@ -317,7 +321,7 @@ mod tests {
             row(Sampling::Resample, 4, 50.0, 0.1),
             row(Sampling::Resample, 1, 12.5, 0.2),
         ];
-        let equal = equal_noise(&rows);
+        let equal = equal_noise(&rows, &[Sampling::Resample]);
         let resample = equal.iter().find(|e| e.sampling == Sampling::Resample).unwrap();
         assert_eq!(resample.speedups.iter().map(|s| s.0).collect::<Vec<_>>(), [4, 16]);
         assert!(resample.speedups.iter().all(|s| (s.1 - 2.0).abs() < 1e-9), "{resample:?}");
@@ -329,6 +333,8 @@ mod tests {
             real: None,
             edge: 32,
             size: [8, 8],
+            directions: vec![1, 16],
+            samplings: vec![Sampling::Residual, Sampling::Auto],
             seeds: 2,
             reference_spp: 1,
             clock: Clock::Device,
@@ -338,8 +344,15 @@ mod tests {
             let scene = scene_of(&case, &config, 4).unwrap();
             let expected = if case.name == "tree" { [32, 32, 12] } else { [32; 3] };
             assert_eq!(scene.volume.grid.dims, expected);
-            let all = settings(&scene.settings);
-            assert_eq!((all[0].sampling, all[0].directions), (Sampling::Phase, PAPER[0]));
+            let all = settings(&scene.settings, &config);
+            let shapes: Vec<_> = all.iter().map(|s| (s.sampling, s.directions)).collect();
+            let of = |sampling, counts: &[u32]| counts.iter().map(|&n| (sampling, n)).collect::<Vec<_>>();
+            let expected = [
+                of(Sampling::Phase, &[PAPER[0], 1, 16]),
+                of(Sampling::Residual, &[1, 8, 8, 16]),
+                of(Sampling::Auto, &[1, 16]),
+            ];
+            assert_eq!(shapes, expected.concat());
             assert!(all.iter().enumerate().all(|(i, s)| !all[..i].contains(s)), "nothing twice");
         }
     }

@@ -95,13 +95,17 @@ pub struct PassTime {
 }
 
 impl Record {
-    /// Time of a picture in ms: the least of the seeds', since other work on the machine only adds to it.
-    pub fn time(&self, clock: Clock) -> f64 {
-        let times = match clock {
+    /// Time of every seed's picture, in ms.
+    pub fn times(&self, clock: Clock) -> &[f64] {
+        match clock {
             Clock::Device => &self.gpu_ms,
             Clock::Processor => &self.processor_ms,
-        };
-        times.iter().copied().fold(f64::INFINITY, f64::min)
+        }
+    }
+
+    /// Time of a picture in ms: the least of the seeds', since other work on the machine only adds to it.
+    pub fn time(&self, clock: Clock) -> f64 {
+        self.times(clock).iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// Time of the passes whose names begin so.

@@ -53,8 +53,10 @@ pub enum Listed {
     Cells,
     /// Of those, the ones that the eye sees ([`See`](super::see::See)).
     SeenCells,
-    /// The other cells with extinction.
+    /// The other cells with extinction, but for the remote ones.
     HiddenCells,
+    /// Cells with extinction that are out of the eye's reach: none of its rays comes near (`REACH_BLOCK`).
+    RemoteCells,
 }
 
 /// Marks of all blocks, nodes and cells (`glsl/mark.comp`).
@@ -179,7 +181,7 @@ impl List {
         carry: Carry,
     ) -> Result<Self> {
         let counts = match listed {
-            Listed::Cells | Listed::SeenCells | Listed::HiddenCells => blocks.cells(),
+            Listed::Cells | Listed::SeenCells | Listed::HiddenCells | Listed::RemoteCells => blocks.cells(),
             Listed::Voxels | Listed::Nodes => blocks.dims,
         };
         let all: u64 = counts.iter().map(|&count| u64::from(count)).product();
@@ -209,6 +211,7 @@ impl List {
             Listed::Cells => constants::LISTED_CELLS,
             Listed::SeenCells => constants::LISTED_SEEN,
             Listed::HiddenCells => constants::LISTED_HIDDEN,
+            Listed::RemoteCells => constants::LISTED_REMOTE,
         };
         let specialization = [&lookback_constants(ctx)[..], &[("LISTED", kind)]].concat();
         Ok(Self {

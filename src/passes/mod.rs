@@ -36,9 +36,9 @@ use crate::vk::{Access, ImageFormat, Recorder};
 /// Workgroup size of kernels over lists.
 pub const LIST_WORKGROUP: u32 = 64;
 
-/// The given share of `count` directions, at least one.
+/// The given share of `count` directions: at least one, but none of a share of 0.
 pub(crate) fn share_of(count: u32, share: f32) -> u32 {
-    ((count as f32 * share).ceil() as u32).max(1)
+    if share == 0.0 { 0 } else { ((count as f32 * share).ceil() as u32).max(1) }
 }
 
 /// The format that fields of light and extinction have.

@@ -87,7 +87,7 @@ fn measured_factors(ctx: &Context) -> Result<[f64; 4]> {
             renderer.render(0, &mut |_| ControlFlow::Continue(()))?;
             all.push(renderer.stats(scene, 0.0)?);
         }
-        Ok((all, renderer.listed_cells().0 as f64))
+        Ok((all, renderer.listed_cells()[0] as f64))
     };
     scene.settings.sampling = Sampling::Auto;
     let (pilot, cells) = render(&scene, 1)?;

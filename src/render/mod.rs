@@ -54,6 +54,8 @@ pub struct Internals {
     pub segment_voxels: Option<u32>,
     /// What `auto` decides by, instead of the device's own costs.
     pub costs: Option<Costs>,
+    /// Gathers in cells out of the eye's reach too.
+    pub gathers_everywhere: bool,
 }
 
 /// Renders `scene`. `progress` is called now and then; `Break` stops the render.
@@ -95,6 +97,9 @@ pub struct Renderer<'a> {
     /// The eyes that cells are hidden from; none: from that of the picture.
     views: Vec<scene::Camera>,
     eye: scene::Camera,
+    gathers_everywhere: bool,
+    /// Does `see` miss no cell that rays of its eyes reach?
+    is_dense: bool,
     /// Does what is stored depend on the eye?
     is_for_eye: bool,
     /// Is everything there that the camera reads?
@@ -134,16 +139,28 @@ impl Taken {
     }
 }
 
-/// A list whose items get the given share of directions.
+/// What the items of a list get of the directions.
+#[derive(Clone, Copy)]
+struct Share {
+    of_all: f32,
+    /// Out of the eye's reach: nothing is gathered there for the eye alone.
+    is_remote: bool,
+}
+
+impl Share {
+    const ALL: Self = Self { of_all: 1.0, is_remote: false };
+}
+
+/// A list whose items get the given share.
 struct Shared {
     list: List,
-    share: f32,
+    share: Share,
 }
 
 /// The cells of one [`Shared`] list, with arguments for the dispatches over them.
 struct Cells<'a> {
     list: &'a List,
-    share: f32,
+    share: Share,
     args: ChunkArgs,
     /// Of the inner gathers, and of the last.
     gather: Option<[GatherArgs; 2]>,
@@ -239,12 +256,19 @@ impl<'a> Renderer<'a> {
         let has_moments = stores_light && data.params.g != 0.0 && (orders > 1 || is_for_any);
         let listed = match s.model {
             Model::Phong => &[(Listed::Voxels, 1.0)][..],
-            _ if is_shared => &[(Listed::SeenCells, 1.0), (Listed::HiddenCells, s.hidden_share)],
+            _ if is_shared => &[
+                (Listed::SeenCells, 1.0),
+                (Listed::HiddenCells, s.hidden_share),
+                (Listed::RemoteCells, s.hidden_share),
+            ],
             _ if stores_light => &[(Listed::Cells, 1.0)],
             _ => &[],
         };
         let blocks = data.light_blocks();
-        let shared = |&(listed, share)| Ok(Shared { list: List::new(ctx, blocks, listed, chunk, segment)?, share });
+        let shared = |&(listed, of_all)| {
+            let share = Share { of_all, is_remote: listed == Listed::RemoteCells };
+            Ok(Shared { list: List::new(ctx, blocks, listed, chunk, segment)?, share })
+        };
         let lists = listed.iter().map(shared).collect::<Result<_>>()?;
         let scatter = if stores_light {
             let has_next = orders > 1;
@@ -328,6 +352,8 @@ impl<'a> Renderer<'a> {
             is_for_eye: s.model == Model::Phong || has_eye || is_shared && views.is_empty(),
             views,
             eye: scene.camera,
+            gathers_everywhere: internals.gathers_everywhere,
+            is_dense: false,
             is_lit: false,
             lists,
             active: 0,
@@ -353,8 +379,14 @@ impl<'a> Renderer<'a> {
     pub fn look(&mut self, eye: &scene::Camera) -> Result<()> {
         self.data.set_camera(self.ctx, eye)?;
         self.is_lit &= !self.is_for_eye || self.eye == *eye;
+        self.is_lit &= !self.is_dense || self.is_expected(&self.eye) == self.is_expected(eye);
         self.eye = *eye;
         Ok(())
+    }
+
+    /// Does `see` look through this eye?
+    fn is_expected(&self, eye: &scene::Camera) -> bool {
+        self.views.is_empty() || self.views.contains(eye)
     }
 
     /// Takes a picture. Light is computed only if what is there already, of this seed, is not for this eye.
@@ -442,8 +474,10 @@ impl<'a> Renderer<'a> {
             let size = self.data.params.size;
             let rays = see::rays(self.data.params.dims, size);
             let eyes = if self.views.is_empty() { std::slice::from_ref(&self.eye) } else { &self.views };
+            self.is_dense = !self.gathers_everywhere;
             for eye in eyes {
                 self.data.set_camera(self.ctx, eye)?;
+                self.is_dense &= see::is_dense(&self.data.params);
                 for rows in self.bands(size.map(|n| n * rays)) {
                     let mut rec = Recorder::new(self.ctx)?;
                     rec.begin_pass("see", 0);
@@ -481,23 +515,33 @@ impl<'a> Renderer<'a> {
         (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
     }
 
-    /// What a gather gives to cells of the given share: the inner ones, whose light the eye sees only after another, a part.
-    fn share_in(&self, share: f32, is_last: bool) -> f32 {
-        if is_last { share } else { self.inner_share * share }
+    /// What a gather gives to cells of the given share: the inner ones, whose light the eye sees only after another, a part;
+    /// the last one nothing to those out of the eye's reach.
+    fn share_in(&self, share: Share, is_last: bool) -> f32 {
+        if !is_last {
+            return self.inner_share * share.of_all;
+        }
+        let is_unseen = share.is_remote && self.is_dense && self.is_expected(&self.eye);
+        if is_unseen { 0.0 } else { share.of_all }
+    }
+
+    /// The same for light of order 1, which may be the last.
+    fn first_share(&self, share: Share) -> f32 {
+        if self.orders > 1 { share.of_all } else { self.share_in(share, true) }
     }
 
     /// Environment directions of a cell that gets the given share of them, for what the eye sees. A constant environment is
     /// brought by the last gather where there is one.
-    fn environment_rays(&self, share: f32) -> u32 {
+    fn environment_rays(&self, share: Share) -> u32 {
         match self.data.environment {
             constants::ENVIRONMENT_NONE => 0,
             constants::ENVIRONMENT_CONSTANT if self.orders > 1 => 0,
-            _ => share_of(self.environment_directions, share),
+            _ => share_of(self.environment_directions, self.first_share(share)),
         }
     }
 
     /// The same for order 1 of an environment that the gathers bring: the first of them needs it as light to scatter.
-    fn inner_environment_rays(&self, scatter: &Scatter, share: f32) -> u32 {
+    fn inner_environment_rays(&self, scatter: &Scatter, share: Share) -> u32 {
         match &scatter.gather {
             Some(gather) if self.data.environment == constants::ENVIRONMENT_CONSTANT => {
                 gather.directions(self.share_in(share, false))
@@ -508,11 +552,13 @@ impl<'a> Renderer<'a> {
 
     /// Rough cost of the light in traced rays, for the progress bar.
     fn light_work(&self) -> f64 {
-        let rays = |s: &Scatter, share: f32| {
-            let first = f64::from(self.environment_rays(share)) + s.emission.as_ref().map_or(0.0, |e| e.0.rays(share));
+        let rays = |s: &Scatter, share: Share| {
+            let emission = s.emission.as_ref().map_or(0.0, |e| e.0.rays(self.first_share(share)));
+            let first = f64::from(self.environment_rays(share)) + emission;
             let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
             let inner = f64::from(self.orders.saturating_sub(2));
-            let gathers = |g: &Gather| inner * g.rays(self.share_in(share, false)) + g.rays(share);
+            let [of_inner, of_last] = [false, true].map(|is_last| self.share_in(share, is_last));
+            let gathers = |g: &Gather| inner * g.rays(of_inner) + g.rays(of_last);
             let later = s.gather.as_ref().map_or(0.0, gathers);
             let separate = s.lights.as_ref().map_or(0.0, |(g, images)| gathers(g) * images.len() as f64);
             first + f64::from(self.inner_environment_rays(s, share)) + lights + later + separate
@@ -546,12 +592,12 @@ impl<'a> Renderer<'a> {
         for &Shared { ref list, share } in &self.lists {
             let mut args =
                 |gather: Option<&Gather>, share| gather.map(|g| g.args(ctx, &mut rec, list, share)).transpose();
-            let mut both =
-                |gather| Ok(args(gather, self.share_in(share, false))?.zip(args(gather, share)?).map(|(i, l)| [i, l]));
+            let [inner, last] = [false, true].map(|is_last| self.share_in(share, is_last));
+            let mut both = |gather| Ok(args(gather, inner)?.zip(args(gather, last)?).map(|(i, l)| [i, l]));
             groups.push(Cells {
                 gather: both(scatter.gather.as_ref())?,
                 lights: both(scatter.lights.as_ref().map(|l| &l.0))?,
-                emission: args(scatter.emission.as_ref().map(|e| &e.0), share)?,
+                emission: args(scatter.emission.as_ref().map(|e| &e.0), self.first_share(share))?,
                 args: list.chunk_args(ctx, &mut rec, 1)?,
                 list,
                 share,
@@ -576,13 +622,10 @@ impl<'a> Renderer<'a> {
             }
             Ok::<_, Error>(())
         };
-        let single_environment = |queue: &mut Queue<'_>, rays: &dyn Fn(f32) -> u32, is_seen: bool| {
+        let single_environment = |queue: &mut Queue<'_>, rays: &dyn Fn(Share) -> u32, is_seen: bool| {
             for cells in &groups {
                 let scattering = self.scattering(scatter, cells, first);
                 let rays = rays(cells.share);
-                if rays == 0 {
-                    continue;
-                }
                 self.for_chunks(cells.list, queue, "single scattering", rays.into(), |rec, chunk| {
                     rec.begin_pass("single", 1);
                     scatter.single.record_environment(rec, &scattering, chunk, rays, is_seen);
@@ -609,12 +652,13 @@ impl<'a> Renderer<'a> {
             for cells in &groups {
                 let scattering = self.scattering(scatter, cells, first);
                 let args = cells.emission.as_ref().expect("arguments of the gather of emission");
-                self.for_chunks(cells.list, queue, "single scattering", gather.rays(cells.share), |rec, chunk| {
+                let rays = gather.rays(self.first_share(cells.share));
+                self.for_chunks(cells.list, queue, "single scattering", rays, |rec, chunk| {
                     gather.record(rec, &scattering, chunk, args, None, &emitted, EMISSION_STREAM, 0, true);
                 })?;
             }
         }
-        let is_seen = self.environment_rays(1.0) > 0 || scatter.emission.is_some();
+        let is_seen = self.environment_rays(Share::ALL) > 0 || scatter.emission.is_some();
         let solve = |queue: &mut Queue<'_>, order, into: &Source, fixed: Option<&Source>, is_seen: bool| {
             self.solve(scatter, &node_args, queue, order, into, fixed, is_seen)
         };
@@ -632,7 +676,7 @@ impl<'a> Renderer<'a> {
                 solve(queue, 1, fixed, None, false)?;
                 source = Some(fixed);
             }
-            if self.inner_environment_rays(scatter, 1.0) > 0 {
+            if self.inner_environment_rays(scatter, Share::ALL) > 0 {
                 single_environment(queue, &|share| self.inner_environment_rays(scatter, share), false)?;
                 solve(queue, 1, &scatter.source, None, false)?;
                 source = Some(&scatter.source);
@@ -726,9 +770,9 @@ impl<'a> Renderer<'a> {
         let mut work = auto::Work { shares: 0.0, cells: 0.0, voxels: later * self.data.voxels() as f64 };
         for Shared { list, share } in &self.lists {
             let cells = list.items() as f64;
-            let shares = later * f64::from(self.share_in(*share, false)) + f64::from(*share);
-            work.shares += cells * shares;
-            work.cells += cells * (later + 1.0);
+            let [inner, last] = [false, true].map(|is_last| f64::from(self.share_in(*share, is_last)));
+            work.shares += cells * (later * inner + last);
+            work.cells += cells * (later + if last > 0.0 { 1.0 } else { 0.0 });
         }
         let words = (chunk_bytes(self.ctx) / (4 * u64::from(auto.chunk))) as u32;
         let stats = auto::decide(&found, &auto.costs, &work, &auto.wanted, words);
@@ -790,7 +834,7 @@ impl<'a> Renderer<'a> {
         queue.submit(rec, 0.0, "scattering")
     }
 
-    /// Records `body` for every chunk, a few chunks per submission.
+    /// Records `body` for every chunk, a few chunks per submission, if there is any work for its items.
     fn for_chunks(
         &self,
         list: &List,
@@ -800,6 +844,9 @@ impl<'a> Renderer<'a> {
         mut body: impl FnMut(&mut Recorder, &Chunk<'_>),
     ) -> Result<()> {
         const CHUNKS_PER_SUBMISSION: usize = 4;
+        if work_per_item == 0.0 {
+            return Ok(());
+        }
         let chunks: Vec<_> = list.chunks().collect();
         let work = work_per_item * list.items() as f64 / chunks.len().max(1) as f64;
         for group in chunks.chunks(CHUNKS_PER_SUBMISSION) {
@@ -832,10 +879,19 @@ impl<'a> Renderer<'a> {
         self.scatter.as_ref()?.proxy.as_ref().map(|(proxy, _)| proxy)
     }
 
-    /// Cells that get all directions and such that get a share of them, of the latest render, for tests.
-    pub fn listed_cells(&self) -> (u64, u64) {
-        let of = |is_all: bool| self.lists.iter().filter(|l| (l.share == 1.0) == is_all).map(|l| l.list.items()).sum();
-        (of(true), of(false))
+    /// Cells of the latest render, for tests: those that get all directions, and of the others those that the last gather
+    /// serves and those that it does not.
+    pub fn listed_cells(&self) -> [u64; 3] {
+        let mut cells = [0; 3];
+        for Shared { list, share } in &self.lists {
+            let kind = match self.share_in(*share, true) {
+                1.0 => 0,
+                0.0 => 2,
+                _ => 1,
+            };
+            cells[kind] += list.items();
+        }
+        cells
     }
 
     /// Active voxels of the latest render.

@@ -6,6 +6,7 @@ use super::super::{DeviceArgs, in_string};
 use crate::bench::scenes::{self, CASES, Case, Config, Row, Table};
 use crate::measure::sweep::Clock;
 use crate::output;
+use crate::scene::Sampling;
 use crate::scene::file::MAX_SPP;
 use crate::stats::{DeviceStats, name_of, times, to_json};
 use crate::vk::{Context, no_messages};
@@ -59,6 +60,27 @@ pub struct ScenesArgs {
         help_heading = "Bench"
     )]
     pixels: u32,
+
+    /// N of `phase` whose noise the others have to reach, separated by commas.
+    #[arg(
+        long,
+        value_name = "N,...",
+        value_delimiter = ',',
+        default_value = "1,2,4,8,16",
+        value_parser = clap::value_parser!(u32).range(1..=16),
+        help_heading = "Bench"
+    )]
+    directions: Vec<u32>,
+
+    /// What is compared with `phase`, separated by commas.
+    #[arg(
+        long,
+        value_name = "MODE,...",
+        value_delimiter = ',',
+        default_value = "top,resample,residual,auto",
+        help_heading = "Bench"
+    )]
+    sampling: Vec<Sampling>,
 
     /// Pictures per setting.
     #[arg(
@@ -121,6 +143,8 @@ pub fn run(args: &ScenesArgs) -> Result<String> {
         real: args.real.clone(),
         edge: args.edge,
         size: [args.pixels; 2],
+        directions: once(&args.directions),
+        samplings: once(&args.sampling).into_iter().filter(|&s| s != Sampling::Phase).collect(),
         seeds: args.seeds,
         reference_spp: args.reference_spp,
         clock: args.clock,
@@ -144,6 +168,12 @@ pub fn run(args: &ScenesArgs) -> Result<String> {
     no_messages(&ctx.close())?;
     let report = Report { device, pixels: args.pixels, clock: args.clock, tables };
     Ok(if args.json { to_json(&report) } else { text(&report) })
+}
+
+/// Without what was named before.
+fn once<T: Copy + PartialEq>(named: &[T]) -> Vec<T> {
+    let is_first = |&(i, value): &(usize, &T)| !named[..i].contains(value);
+    named.iter().enumerate().filter(is_first).map(|(_, &value)| value).collect()
 }
 
 fn text(report: &Report) -> String {
@@ -178,7 +208,7 @@ fn text(report: &Report) -> String {
         }
         writeln!(
             out,
-            "ms: {}, the least of the seeds'. error, bias and noise: roots of relMSE and its parts, in %, against two\n\
+            "ms: {}, the median of the seeds'. error, bias and noise: roots of relMSE and its parts, in %, against two\n\
              pictures of `path`; < is a bound.",
             report.clock.name()
         )?;
