@@ -37,7 +37,18 @@ fn main() {
         Err(mut e) => errors.append(&mut e),
     }
     for name in &names {
-        for version in versions(name) {
+        let of_kernel = versions(name);
+        if of_kernel.len() > 1 {
+            let all: Vec<_> = of_kernel.iter().map(|v| format!("&{name}{}", v.suffix).to_uppercase()).collect();
+            let _ = writeln!(
+                code,
+                "/// The versions of `glsl/{name}.comp`.\npub static {}_VERSIONS: [&ShaderInfo; {}] = [{}];",
+                name.to_uppercase(),
+                all.len(),
+                all.join(", ")
+            );
+        }
+        for version in of_kernel {
             match shader(&compiler, name, *version, &out_dir, &mut structs) {
                 Ok(rust) => {
                     code += &rust;
@@ -114,16 +125,27 @@ fn constants(path: &Path) -> Result<String, Vec<String>> {
 struct Version {
     suffix: &'static str,
     stored_format: &'static str,
+    sum_format: &'static str,
+    is_grey: bool,
 }
 
-/// A kernel that writes fields of light and extinction names their format STORED_FORMAT and is compiled for both precisions:
-/// formats are no specialization constants.
-const VERSIONS: [Version; 2] =
-    [Version { suffix: "", stored_format: "rgba16f" }, Version { suffix: "_single", stored_format: "rgba32f" }];
+/// A kernel that writes fields of light and extinction names their format STORED_FORMAT, or that of sums of light SUM_FORMAT, and
+/// is compiled for every precision, with colour and grey (`passes::Stored`): formats are no specialization constants.
+const VERSIONS: [Version; 4] = [
+    Version { suffix: "", stored_format: "rgba16f", sum_format: "rgba32f", is_grey: false },
+    Version { suffix: "_grey", stored_format: "rg16f", sum_format: "r32f", is_grey: true },
+    Version { suffix: "_single", stored_format: "rgba32f", sum_format: "rgba32f", is_grey: false },
+    Version { suffix: "_grey_single", stored_format: "rg32f", sum_format: "r32f", is_grey: true },
+];
 
 fn versions(name: &str) -> &'static [Version] {
     let source = std::fs::read_to_string(format!("glsl/{name}.comp")).unwrap_or_default();
-    if source.contains("STORED_FORMAT") { &VERSIONS } else { &VERSIONS[..1] }
+    let count = match (source.contains("STORED_FORMAT"), source.contains("SUM_FORMAT")) {
+        (true, _) => 4,
+        (false, true) => 2,
+        (false, false) => 1,
+    };
+    &VERSIONS[..count]
 }
 
 /// Compiles and reflects one shader; returns its Rust table.
@@ -143,6 +165,8 @@ fn shader(
         options.set_optimization_level(level);
         options.set_warnings_as_errors();
         options.add_macro_definition("STORED_FORMAT", Some(version.stored_format));
+        options.add_macro_definition("SUM_FORMAT", Some(version.sum_format));
+        options.add_macro_definition("STORED_GREY", Some(if version.is_grey { "1" } else { "0" }));
         if level == shaderc::OptimizationLevel::Zero {
             options.set_generate_debug_info();
         }

@@ -6,6 +6,7 @@
 // it, in the units of scene.glsl.
 #include "include/scene.glsl"
 #include "include/transfer.glsl"
+#include "include/stored.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -27,5 +28,5 @@ void main() {
     } else if (EMITTED == EMITTED_EMISSION) {
         source = (1.0 - albedo_of(m)) * m.emission;
     }
-    imageStore(field, ivec3(voxel), vec4(min(source * extinction * scene.radiance_scale, MAX_HALF), extinction));
+    imageStore(field, ivec3(voxel), to_stored(min(source * extinction * scene.radiance_scale, MAX_HALF), extinction));
 }

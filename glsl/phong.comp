@@ -9,6 +9,7 @@
 #include "include/list.glsl"
 #include "include/delta_lights.glsl"
 #include "include/sphere.glsl"
+#include "include/stored.glsl"
 
 layout(local_size_x_id = 0) in;
 
@@ -68,5 +69,5 @@ void main() {
         lit += light.irradiance / PI * (m.color * facing + SPECULAR * shine);
     }
     float extinction = m.extinction / scene.max_extinction;
-    imageStore(total, voxel, vec4(min(lit * extinction * scene.radiance_scale, MAX_HALF), extinction));
+    imageStore(total, voxel, to_stored(min(lit * extinction * scene.radiance_scale, MAX_HALF), extinction));
 }

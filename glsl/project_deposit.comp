@@ -23,11 +23,11 @@ layout(constant_id = 1) const bool MOMENTS = false;
 // The eye's share is kept; alone, where there is no B.
 layout(constant_id = 2) const bool EYE = false;
 
-layout(set = 0, binding = 4, rgba32f) uniform image3D sum_a;
-layout(set = 0, binding = 5, rgba32f) uniform image3D sum_x;
-layout(set = 0, binding = 6, rgba32f) uniform image3D sum_y;
-layout(set = 0, binding = 7, rgba32f) uniform image3D sum_z;
-layout(set = 0, binding = 8, rgba32f) uniform image3D sum_eye;
+layout(set = 0, binding = 4, SUM_FORMAT) uniform image3D sum_a;
+layout(set = 0, binding = 5, SUM_FORMAT) uniform image3D sum_x;
+layout(set = 0, binding = 6, SUM_FORMAT) uniform image3D sum_y;
+layout(set = 0, binding = 7, SUM_FORMAT) uniform image3D sum_z;
+layout(set = 0, binding = 8, SUM_FORMAT) uniform image3D sum_eye;
 
 layout(push_constant, scalar) uniform ProjectDepositPush {
     uint chunk_begin;

@@ -10,6 +10,7 @@
 #define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/cell.glsl"
+#include "include/stored.glsl"
 
 layout(local_size_x_id = 0) in;
 
@@ -93,8 +94,8 @@ void main() {
         u = is_first != 0u ? sum / row : old.rgb + factor * (sum - product) / row;
     }
     if (adds != 0u) {
-        vec4 seen = imageLoad(total, node);
-        imageStore(total, node, vec4(clamp(seen.rgb + u, -MAX_HALF, MAX_HALF), seen.a));
+        vec4 seen = from_stored(imageLoad(total, node));
+        imageStore(total, node, to_stored(clamp(seen.rgb + u, -MAX_HALF, MAX_HALF), seen.a));
     }
     if (joins != 0u) {
         u += texelFetch(fixed_light, node, 0).rgb;
@@ -103,5 +104,5 @@ void main() {
     if (COARSE) {
         kept = row > 0.0 ? 1.0 : 0.0;
     }
-    imageStore(after, node, vec4(clamp(u, -MAX_HALF, MAX_HALF), kept));
+    imageStore(after, node, to_stored(clamp(u, -MAX_HALF, MAX_HALF), kept));
 }

@@ -4,6 +4,7 @@
 // rays read: trilinear between nodes.
 // Grid: one invocation per voxel, 8 x 8 x 1 workgroups.
 #include "include/scene.glsl"
+#include "include/stored.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -34,8 +35,8 @@ void main() {
     vec3 u = between.a > 0.0 ? between.rgb / between.a : vec3(0.0);
     float extinction;
     if (adds != 0u) {
-        vec4 seen = imageLoad(total, voxel);
-        imageStore(total, voxel, vec4(clamp(seen.rgb + u, -MAX_HALF, MAX_HALF), seen.a));
+        vec4 seen = from_stored(imageLoad(total, voxel));
+        imageStore(total, voxel, to_stored(clamp(seen.rgb + u, -MAX_HALF, MAX_HALF), seen.a));
         extinction = seen.a;
     } else {
         extinction = texelFetch(field, voxel, 0).a;
@@ -43,5 +44,5 @@ void main() {
     if (joins != 0u) {
         u += texelFetch(fixed_light, voxel, 0).rgb;
     }
-    imageStore(after, voxel, vec4(clamp(u, -MAX_HALF, MAX_HALF), extinction));
+    imageStore(after, voxel, to_stored(clamp(u, -MAX_HALF, MAX_HALF), extinction));
 }

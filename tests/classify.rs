@@ -33,7 +33,7 @@ fn check_precision(ctx: &Context, name: &str, scene: &Scene, rounding: f32) {
     let host = &setup.host;
     for emitted in [Emitted::Nothing, Emitted::Emission, Emitted::Color] {
         let pass = Classify::new(ctx, &setup.data, emitted).unwrap();
-        let field = setup.data.stored(ctx, "field", host.params.dims).unwrap();
+        let field = setup.data.field(ctx, "field", host.params.dims).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
         pass.record(&mut rec, &setup.data, &field);
         rec.submit_and_wait().unwrap();

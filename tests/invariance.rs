@@ -21,7 +21,8 @@ use transport::mean;
 use tyndall::output::{Picture, read_picture};
 use tyndall::render;
 use tyndall::render::path::{Estimate, PathRender};
-use tyndall::scene::{Background, Environment, Light, Model, Sampling, Scene};
+use tyndall::render::{Internals, Renderer};
+use tyndall::scene::{Background, Environment, Light, LightFor, Model, Precision, Sampling, Scene};
 use tyndall::vk::{Context, Validation};
 
 // ---- the device's shape -------------------------------------------------------------------------------------------
@@ -289,5 +290,106 @@ fn reversing_many_lights_changes_nothing() {
         println!("mean: {off}");
         // 256 pixels of 64 samples, each light seen by 8 of 13 of them.
         assert!(off < 5e-3, "{off}");
+    });
+}
+
+// ---- scenes without colour ------------------------------------------------------------------------------------------
+
+/// The same scene without colour, but for its background, which no light that is stored comes from.
+fn grey(mut scene: Scene) -> Scene {
+    for point in &mut scene.transfer.points {
+        point.color = [point.color[1]; 3];
+        point.emission = [point.emission[1]; 3];
+    }
+    scene.albedo_scale = Vec3::splat(scene.albedo_scale.y);
+    for light in &mut scene.lights {
+        let (Light::Directional { irradiance: power, .. } | Light::Point { intensity: power, .. }) = light;
+        *power = Vec3::splat(power.y);
+    }
+    match &mut scene.environment {
+        Some(Environment::Constant(radiance)) => *radiance = Vec3::splat(radiance.y),
+        Some(Environment::LatLong(image)) => image.pixels.iter_mut().for_each(|p| *p = [p[1]; 3]),
+        None => {}
+    }
+    scene.background = Background::Color(Vec3::new(0.1, 0.2, 0.3));
+    scene
+}
+
+/// The picture, and whether light was stored in one channel.
+fn picture_of(ctx: &Context, scene: &Scene, stores_color: bool) -> (Picture, bool) {
+    let internals = Internals { stores_color, ..Internals::default() };
+    let mut renderer = Renderer::new(ctx, scene, internals).unwrap();
+    let picture = renderer.render(7, &mut |_| ControlFlow::Continue(())).unwrap();
+    (picture, renderer.stores_grey())
+}
+
+/// One channel of light instead of three changes no byte, whatever the model and the ways to store.
+#[test]
+fn light_without_colour_is_stored_in_one_channel() {
+    gpu_test(|ctx| {
+        let uniform = Some(Environment::Constant(Vec3::ONE));
+        let mut all = Vec::new();
+        for (model, g) in [
+            (Model::Absorption, 0.0),
+            (Model::Phong, 0.0),
+            (Model::Single, 0.0),
+            (Model::Single, -0.3),
+            (Model::Multiple, 0.0),
+            (Model::Multiple, 0.4),
+        ] {
+            for precision in [Precision::Half, Precision::Single] {
+                let mut scene = grey(cloud());
+                (scene.g, scene.settings.model, scene.settings.precision) = (g, model, precision);
+                all.push((format!("{model:?}, g {g}, {precision:?}"), scene));
+            }
+        }
+        let mut add = |case: &str, change: &dyn Fn(&mut Scene)| {
+            let mut scene = grey(cloud());
+            change(&mut scene);
+            all.push((case.to_owned(), scene));
+        };
+        add("blocks", &|s| s.settings.light_grid = 2);
+        add("every view", &|s| s.settings.light_for = LightFor::EveryView);
+        add("constant environment", &|s| s.environment = uniform.clone());
+        add("residual", &|s| s.settings.sampling = Sampling::Residual);
+        add("top", &|s| s.settings.sampling = Sampling::Top);
+        for (case, scene) in all {
+            if !ctx.stores_two_channels()[usize::from(scene.settings.precision == Precision::Single)] {
+                println!("SKIP {case}: the device stores no images of two channels");
+                continue;
+            }
+            let ((one, is_grey), (three, is_not)) = (picture_of(ctx, &scene, false), picture_of(ctx, &scene, true));
+            assert!(is_grey && !is_not, "{case}: {is_grey}, {is_not}");
+            assert!(one == three, "{case}: other bytes");
+            assert!(one.pixels.iter().any(|p| p[0] > 0.2), "{case}: dark");
+        }
+    });
+}
+
+/// Any colour that light may take on needs all three.
+#[test]
+fn any_colour_is_noticed() {
+    gpu_test(|ctx| {
+        let is_grey = |change: &dyn Fn(&mut Scene)| {
+            let mut scene = grey(cloud());
+            change(&mut scene);
+            picture_of(ctx, &scene, false).1
+        };
+        assert_eq!(is_grey(&|_| {}), ctx.stores_two_channels()[0]);
+        assert!(!is_grey(&|s| s.transfer.points[1].color[2] *= 0.999));
+        assert!(!is_grey(&|s| s.transfer.points[1].emission[0] += 0.1));
+        assert!(!is_grey(&|s| s.albedo_scale.x *= 0.9));
+        for light in 0..2 {
+            assert!(!is_grey(&|s| {
+                let (Light::Directional { irradiance: power, .. } | Light::Point { intensity: power, .. }) =
+                    &mut s.lights[light];
+                power.z += 0.1;
+            }));
+        }
+        assert!(!is_grey(&|s| s.environment = Some(Environment::Constant(Vec3::new(1.0, 1.0, 0.9)))));
+        assert!(!is_grey(&|s| {
+            let Some(Environment::LatLong(image)) = &mut s.environment else { panic!("no sky") };
+            image.pixels[20][1] += 0.1;
+        }));
     });
 }

@@ -23,6 +23,7 @@ const NORMAL: Internals = Internals {
     segment_voxels: None,
     costs: None,
     gathers_everywhere: false,
+    stores_color: false,
 };
 
 /// A lumpy cube of `edge`³ voxels that fills the picture, lit from one side only, so that the light within comes from

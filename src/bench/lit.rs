@@ -37,7 +37,7 @@ impl Lit {
         scene.settings.light_grid = 1;
         let data = SceneData::new(ctx, &scene)?;
         let dims = data.params.dims;
-        let field = data.stored(ctx, "field", dims)?;
+        let field = data.field(ctx, "field", dims)?;
         let emptiness = Emptiness::for_rays(ctx, dims)?;
         let blocks = data.light_blocks();
         let marks = Marks::new(ctx, blocks)?;

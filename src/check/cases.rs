@@ -26,6 +26,13 @@ macro_rules! lights {
     };
 }
 
+/// Light without colour.
+macro_rules! white {
+    () => {
+        "light = [{ azimuth = 30, elevation = 40, irradiance = 2 }]\nenvironment.radiance = 0.5\n"
+    };
+}
+
 /// Matter that glows, and whose albedo differs from value to value.
 macro_rules! glow {
     () => {
@@ -85,6 +92,22 @@ pub const CASES: &[Case] = &[
     under_sky(
         "multiple, every view, g",
         concat!("render = { orders = 3, light_for = 'every-view' }\nmedium.g = 0.3\n", glow!(), lights!()),
+    ),
+    // Light in one channel.
+    case("absorption, grey", concat!("render.model = 'absorption'\n", white!())),
+    case(
+        "absorption, grey, single precision",
+        concat!("render = { model = 'absorption', precision = 'single' }\n", white!()),
+    ),
+    case("phong, grey", concat!("render.model = 'phong'\n", white!())),
+    case("phong, grey, single precision", concat!("render = { model = 'phong', precision = 'single' }\n", white!())),
+    case("multiple, grey", concat!("render.orders = 3\n", white!())),
+    case("multiple, grey, g", concat!("render.orders = 3\nmedium.g = 0.5\n", white!())),
+    case("multiple, grey, single precision", concat!("render = { orders = 2, precision = 'single' }\n", white!())),
+    case("blocks of 2, grey", concat!("render = { orders = 2, light_grid = 2 }\n", white!())),
+    case(
+        "blocks of 2, grey, single precision",
+        concat!("render = { orders = 2, light_grid = 2, precision = 'single' }\n", white!()),
     ),
     // Light in blocks.
     case("blocks of 2", concat!("render = { orders = 3, light_grid = 2 }\nenvironment.radiance = 0.5\n", lights!())),

@@ -1,7 +1,7 @@
 //! Classify (`glsl/classify.comp`): from scalars to extinction and emitted source.
 
+use super::order_compute;
 use super::scene_data::SceneData;
-use super::{order_compute, storing};
 use crate::Result;
 use crate::shaders::{self, constants};
 use crate::vk::{Context, Filter, Image, Pipeline, Recorder};
@@ -35,7 +35,7 @@ impl Classify {
             Emitted::Emission => constants::EMITTED_EMISSION,
             Emitted::Color => constants::EMITTED_COLOR,
         };
-        let kernel = storing(scene.precision, &shaders::CLASSIFY, &shaders::CLASSIFY_SINGLE);
+        let kernel = scene.stored.version(shaders::CLASSIFY_VERSIONS);
         Ok(Self { pipeline: Pipeline::new(ctx, kernel, &[("EMITTED", emitted)])? })
     }
 

@@ -41,19 +41,36 @@ pub(crate) fn share_of(count: u32, share: f32) -> u32 {
     if share == 0.0 { 0 } else { ((count as f32 * share).ceil() as u32).max(1) }
 }
 
-/// The format that fields of light and extinction have.
-fn stored_format(precision: Precision) -> ImageFormat {
-    match precision {
-        Precision::Half => ImageFormat::Rgba16Float,
-        Precision::Single => ImageFormat::Rgba32Float,
-    }
+/// How light is stored: fields of light and extinction, and sums of light. Where a scene has no colour, one channel is enough for
+/// it (`glsl/include/stored.glsl`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stored {
+    /// Of the fields.
+    pub precision: Precision,
+    /// One channel instead of three.
+    pub is_grey: bool,
 }
 
-/// The version of a kernel that writes them.
-fn storing(precision: Precision, half: &'static ShaderInfo, single: &'static ShaderInfo) -> &'static ShaderInfo {
-    match precision {
-        Precision::Half => half,
-        Precision::Single => single,
+impl Stored {
+    /// The format of fields of light and extinction.
+    pub fn format(self) -> ImageFormat {
+        match (self.precision, self.is_grey) {
+            (Precision::Half, false) => ImageFormat::Rgba16Float,
+            (Precision::Half, true) => ImageFormat::GreyAlpha16Float,
+            (Precision::Single, false) => ImageFormat::Rgba32Float,
+            (Precision::Single, true) => ImageFormat::GreyAlpha32Float,
+        }
+    }
+
+    /// The format of sums.
+    fn sum_format(self) -> ImageFormat {
+        if self.is_grey { ImageFormat::R32Float } else { ImageFormat::Rgba32Float }
+    }
+
+    /// Of a kernel's versions, in the order of `build.rs`, the one that writes them. A kernel that writes sums only has two.
+    fn version<const N: usize>(self, versions: [&'static ShaderInfo; N]) -> &'static ShaderInfo {
+        let of_precision = if self.precision == Precision::Single { 2 } else { 0 };
+        versions[of_precision % N + usize::from(self.is_grey)]
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::compact::{Chunk, ChunkArgs};
 use super::scene_data::SceneData;
-use super::{LIST_WORKGROUP, order_compute, storing};
+use super::{LIST_WORKGROUP, order_compute};
 use crate::Result;
 use crate::abi::PhongPush;
 use crate::shaders;
@@ -16,7 +16,7 @@ pub struct Phong {
 impl Phong {
     /// Makes the pipeline.
     pub fn new(ctx: &Context, scene: &SceneData) -> Result<Self> {
-        let kernel = storing(scene.precision, &shaders::PHONG, &shaders::PHONG_SINGLE);
+        let kernel = scene.stored.version(shaders::PHONG_VERSIONS);
         Ok(Self { pipeline: Pipeline::new(ctx, kernel, &[("WORKGROUP", LIST_WORKGROUP)])? })
     }
 

@@ -9,12 +9,12 @@
 use super::compact::{Chunk, ChunkArgs, List};
 use super::scene_data::SceneData;
 use super::spread::Spread;
-use super::{LIST_WORKGROUP, order_compute, rays_per_invocation, storing};
+use super::{LIST_WORKGROUP, order_compute, rays_per_invocation};
 use crate::Result;
 use crate::abi::{ProjectDepositPush, ProjectSolvePush, ScatterSample};
 use crate::scene::LightFor;
 use crate::shaders;
-use crate::vk::{Access, Buffer, Context, Filter, Image, ImageFormat, Pipeline, Recorder};
+use crate::vk::{Access, Buffer, Context, Filter, Image, Pipeline, Recorder};
 use std::ops::Range;
 
 /// Source of one order, or of all that the eye sees: σ (A + B·ω), ω the propagation direction; B = 0 where g = 0.
@@ -31,7 +31,7 @@ impl Source {
     pub fn new(ctx: &Context, scene: &SceneData, name: &str, is_anisotropic: bool) -> Result<Self> {
         let dims = scene.params.dims;
         let small = if is_anisotropic { dims } else { [1; 3] };
-        let image = |part, dims| scene.stored(ctx, &format!("{name}.{part}"), dims);
+        let image = |part, dims| scene.field(ctx, &format!("{name}.{part}"), dims);
         Ok(Self { a: image("a", dims)?, b: [image("x", small)?, image("y", small)?, image("z", small)?] })
     }
 
@@ -151,7 +151,8 @@ impl Projection {
                 ("MOMENTS", matches!(kept, Kept::Moments | Kept::MomentsAndEye).into()),
                 ("EYE", matches!(kept, Kept::Eye | Kept::MomentsAndEye).into()),
             ];
-            Ok((kept, Pipeline::new(ctx, &shaders::PROJECT_DEPOSIT, &specialization)?))
+            let kernel = scene.stored.version(shaders::PROJECT_DEPOSIT_VERSIONS);
+            Ok((kept, Pipeline::new(ctx, kernel, &specialization)?))
         };
         let used = match light_for {
             _ if !is_anisotropic => &[Kept::Mean][..],
@@ -162,14 +163,14 @@ impl Projection {
         let slots = (SAMPLES_BYTES / bytes).clamp(1, MAX_SLOTS) as u32;
         let dims = scene.params.light_dims;
         let is_coarse = scene.is_coarse();
-        let scratch = |name| scene.stored(ctx, name, dims);
-        let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, ImageFormat::Rgba32Float);
+        let scratch = |name| scene.field(ctx, name, dims);
+        let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, scene.stored.sum_format());
         let has_b = is_anisotropic && (has_next || !has_eye);
         Ok(Self {
             deposit: used.iter().map(deposit).collect::<Result<_>>()?,
             solve: {
                 let specialization = [("WORKGROUP", LIST_WORKGROUP), ("COARSE", is_coarse.into())];
-                let kernel = storing(scene.precision, &shaders::PROJECT_SOLVE, &shaders::PROJECT_SOLVE_SINGLE);
+                let kernel = scene.stored.version(shaders::PROJECT_SOLVE_VERSIONS);
                 Pipeline::new(ctx, kernel, &specialization)?
             },
             is_anisotropic,

@@ -1,5 +1,6 @@
 //! The scene on the GPU: its numbers, transfer function, lights, environment and scalars, shared by all passes.
 
+use super::Stored;
 use super::compact::Blocks;
 use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::cpu::classify::classify;
@@ -32,8 +33,8 @@ pub struct SceneData {
     pub ambient: Vec3,
     /// Does anything in the medium emit?
     pub has_emission: bool,
-    /// Of the fields of light and extinction.
-    pub precision: Precision,
+    /// How light is stored.
+    pub stored: Stored,
     origin: DVec3,
 }
 
@@ -110,6 +111,22 @@ fn radiance_bound(scene: &Scene, emitted: f32) -> f64 {
             _ => arriving * peak,
         },
     }
+}
+
+/// Is all light in the medium of one colour, and that of no hue? Then its channels are equal, bit by bit. What lies behind the
+/// medium is another thing.
+fn is_grey(scene: &Scene) -> bool {
+    let is_one = |c: &[f32]| c[0] == c[1] && c[1] == c[2];
+    let points = transfer_points(scene);
+    let lights = lights(scene);
+    is_one(&scene.albedo_scale.to_array())
+        && points.iter().all(|p| is_one(&p.color) && is_one(&p.emission))
+        && lights.iter().all(|l| is_one(&l.power))
+        && match &scene.environment {
+            None => true,
+            Some(Environment::Constant(radiance)) => is_one(&radiance.to_array()),
+            Some(Environment::LatLong(image)) => image.pixels.iter().all(|p| is_one(&p[..])),
+        }
 }
 
 /// `origin`: of positions on the GPU, world.
@@ -248,7 +265,11 @@ impl SceneData {
             environment,
             ambient: scene.environment.as_ref().map_or(Vec3::ZERO, Environment::mean_radiance),
             has_emission: scene.emission_scale > 0.0 && points.iter().any(|p| p.emission.iter().any(|&e| e > 0.0)),
-            precision: scene.settings.precision,
+            stored: Stored {
+                precision: scene.settings.precision,
+                is_grey: ctx.stores_two_channels()[usize::from(scene.settings.precision == Precision::Single)]
+                    && is_grey(scene),
+            },
             params,
             points,
             origin: origin(scene),
@@ -276,8 +297,8 @@ impl SceneData {
     }
 
     /// An image for a field of light and extinction.
-    pub fn stored(&self, ctx: &Context, name: &str, dims: [u32; 3]) -> Result<Image> {
-        ctx.image_3d(name, dims, super::stored_format(self.precision))
+    pub fn field(&self, ctx: &Context, name: &str, dims: [u32; 3]) -> Result<Image> {
+        ctx.image_3d(name, dims, self.stored.format())
     }
 
     /// The blocks of the light grid.

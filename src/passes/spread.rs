@@ -1,8 +1,8 @@
 //! Spread (`glsl/spread.comp`): from values at the nodes of a coarse light grid to the voxels.
 
 use super::classify::voxel_grid;
+use super::order_compute;
 use super::scene_data::SceneData;
-use super::{order_compute, storing};
 use crate::Result;
 use crate::abi::SpreadPush;
 use crate::shaders;
@@ -16,7 +16,7 @@ pub struct Spread {
 impl Spread {
     /// Makes the pipeline.
     pub fn new(ctx: &Context, scene: &SceneData) -> Result<Self> {
-        let kernel = storing(scene.precision, &shaders::SPREAD, &shaders::SPREAD_SINGLE);
+        let kernel = scene.stored.version(shaders::SPREAD_VERSIONS);
         Ok(Self { pipeline: Pipeline::new(ctx, kernel, &[])? })
     }
 

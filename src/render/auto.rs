@@ -70,7 +70,8 @@ impl Costs {
     }
 }
 
-/// Renders a phantom and compares the time of its passes with what the usual costs say of them.
+/// Renders a phantom and compares the time of its passes with what the usual costs say of them. It has colour: without, rays
+/// in the data cost about 0.73 of this on lavapipe, which is within what `LEAST_GAIN` allows for.
 fn measured_factors(ctx: &Context) -> Result<[f64; 4]> {
     // Large enough to fill the device.
     let edge = if ctx.is_cpu() { 32 } else { 160 };

@@ -56,6 +56,8 @@ pub struct Internals {
     pub costs: Option<Costs>,
     /// Gathers in cells out of the eye's reach too.
     pub gathers_everywhere: bool,
+    /// Stores three channels of light where one would do.
+    pub stores_color: bool,
 }
 
 /// Renders `scene`. `progress` is called now and then; `Break` stops the render.
@@ -234,7 +236,8 @@ impl<'a> Renderer<'a> {
             let problem = "the device does not interpolate images of 32-bit floats";
             return Err(Error::input("--precision", problem, "use half"));
         }
-        let data = SceneData::new(ctx, scene)?;
+        let mut data = SceneData::new(ctx, scene)?;
+        data.stored.is_grey &= !internals.stores_color;
         let dims = data.params.dims;
         let orders = match s.model {
             Model::Single => 1,
@@ -279,7 +282,7 @@ impl<'a> Renderer<'a> {
             let has_fixed = has_next && (data.light_count > separate || is_sampled || emits);
             Some(Scatter {
                 lights: if separate > 0 {
-                    let image = |_| data.stored(ctx, "light", dims);
+                    let image = |_| data.field(ctx, "light", dims);
                     let gather = Gather::new(ctx, &data, gather_config, chunk, Gathered::Light)?;
                     Some((gather, (0..separate).map(image).collect::<Result<_>>()?))
                 } else {
@@ -358,7 +361,7 @@ impl<'a> Renderer<'a> {
             lists,
             active: 0,
             emptiness: Emptiness::for_rays(ctx, dims)?,
-            emitted: data.stored(ctx, "emitted", if emits { dims } else { [1; 3] })?,
+            emitted: data.field(ctx, "emitted", if emits { dims } else { [1; 3] })?,
             total: Source::new(ctx, &data, "total", is_directed)?,
             picture: Camera::picture(ctx, s.size)?,
             proxy_log: ctx.device_buffer("proxy.log", (constants::PROXY_WORDS * orders.max(1)) as usize)?,
@@ -892,6 +895,11 @@ impl<'a> Renderer<'a> {
             cells[kind] += list.items();
         }
         cells
+    }
+
+    /// Is light stored in one channel, as the scene has no colour?
+    pub fn stores_grey(&self) -> bool {
+        self.data.stored.is_grey
     }
 
     /// Active voxels of the latest render.

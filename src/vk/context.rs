@@ -119,6 +119,7 @@ pub(super) struct DeviceShared {
     min_subgroup_size: u32,
     pub(super) max_subgroup_size: u32,
     interpolates_single: bool,
+    stores_two_channels: [bool; 2],
     pub(super) has_timestamps: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
     pub(super) checks_hazards: bool,
@@ -414,6 +415,7 @@ struct Probe {
     min_subgroup_size: u32,
     max_subgroup_size: u32,
     interpolates_single: bool,
+    stores_two_channels: [bool; 2],
     max_allocation: u64,
     queue_family: u32,
     timestamp_bits: u32,
@@ -510,6 +512,9 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> 
         missing.push("a compute queue".to_owned());
     }
     let family = family.unwrap_or(0);
+    // SAFETY: as above.
+    let features = unsafe { instance.get_physical_device_features(device) };
+    let has_extended_formats = features.shader_storage_image_extended_formats == vk::TRUE;
     let features_of = |format: ImageFormat| {
         let mut f3 = vk::FormatProperties3::default();
         let mut f = vk::FormatProperties2::default().push_next(&mut f3);
@@ -565,6 +570,10 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> 
         min_subgroup_size: if v13.min_subgroup_size == 0 { v11.subgroup_size } else { v13.min_subgroup_size },
         interpolates_single: features_of(ImageFormat::Rgba32Float)
             .contains(vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR),
+        stores_two_channels: [ImageFormat::GreyAlpha16Float, ImageFormat::GreyAlpha32Float].map(|format| {
+            let needs = vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR;
+            has_extended_formats && features_of(format).contains(needs)
+        }),
         max_subgroup_size: if v13.max_subgroup_size == 0 { v11.subgroup_size } else { v13.max_subgroup_size },
         max_allocation: v11.max_memory_allocation_size,
         queue_family: family as u32,
@@ -769,6 +778,7 @@ impl Context {
             min_subgroup_size: probe.min_subgroup_size,
             max_subgroup_size: probe.max_subgroup_size,
             interpolates_single: probe.interpolates_single,
+            stores_two_channels: probe.stores_two_channels,
             has_timestamps: probe.timestamp_bits > 0 && probe.properties.limits.timestamp_period > 0.0,
             debug,
             is_gpu_assisted: config.validation == Validation::GpuAssisted,
@@ -812,6 +822,11 @@ impl Context {
     /// Can samplers interpolate images of 32-bit floats? Of 16-bit floats all devices can that are accepted.
     pub fn interpolates_single(&self) -> bool {
         self.shared.interpolates_single
+    }
+
+    /// Can kernels write images of two channels of 16, of 32 bits, and samplers interpolate them?
+    pub fn stores_two_channels(&self) -> [bool; 2] {
+        self.shared.stores_two_channels
     }
 
     /// Largest number of bytes that one storage binding may cover.
@@ -1103,6 +1118,7 @@ fn create_device(
     let has = unsafe { instance.raw.get_physical_device_features(physical) };
     // GPU-assisted validation writes its findings from the shader, and asks for these two where they exist.
     let core = vk::PhysicalDeviceFeatures::default()
+        .shader_storage_image_extended_formats(has.shader_storage_image_extended_formats == vk::TRUE)
         .fragment_stores_and_atomics(instance.messenger.is_some() && has.fragment_stores_and_atomics == vk::TRUE)
         .vertex_pipeline_stores_and_atomics(
             instance.messenger.is_some() && has.vertex_pipeline_stores_and_atomics == vk::TRUE,

@@ -17,14 +17,18 @@ pub enum ImageFormat {
     R32Float,
     Rgba16Float,
     Rgba32Float,
+    /// Two channels; samplers read (r, r, r, g).
+    GreyAlpha16Float,
+    /// The same with 32 bits each.
+    GreyAlpha32Float,
 }
 
 impl ImageFormat {
     /// Bytes of a texel.
     pub fn bytes(self) -> u64 {
         match self {
-            ImageFormat::R32Uint | ImageFormat::R32Float => 4,
-            ImageFormat::Rgba16Float => 8,
+            ImageFormat::R32Uint | ImageFormat::R32Float | ImageFormat::GreyAlpha16Float => 4,
+            ImageFormat::Rgba16Float | ImageFormat::GreyAlpha32Float => 8,
             ImageFormat::Rgba32Float => 16,
         }
     }
@@ -35,6 +39,20 @@ impl ImageFormat {
             ImageFormat::R32Float => vk::Format::R32_SFLOAT,
             ImageFormat::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             ImageFormat::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
+            ImageFormat::GreyAlpha16Float => vk::Format::R16G16_SFLOAT,
+            ImageFormat::GreyAlpha32Float => vk::Format::R32G32_SFLOAT,
+        }
+    }
+
+    /// What samplers read as r, g, b, a; `None`: the channels as they are. Storage images cannot be read in another order.
+    fn sampled_as(self) -> Option<vk::ComponentMapping> {
+        use vk::ComponentSwizzle as C;
+        match self {
+            ImageFormat::R32Float => Some(vk::ComponentMapping { r: C::R, g: C::R, b: C::R, a: C::ONE }),
+            ImageFormat::GreyAlpha16Float | ImageFormat::GreyAlpha32Float => {
+                Some(vk::ComponentMapping { r: C::R, g: C::R, b: C::R, a: C::G })
+            }
+            ImageFormat::R32Uint | ImageFormat::Rgba16Float | ImageFormat::Rgba32Float => None,
         }
     }
 }
@@ -43,6 +61,8 @@ impl ImageFormat {
 pub(super) struct RawImage {
     pub(super) handle: vk::Image,
     pub(super) view: vk::ImageView,
+    /// For samplers, where they read the channels in another order.
+    reordered: Option<vk::ImageView>,
     allocation: Option<Allocation>,
     pub(super) extent: [u32; 3],
     pub(super) format: ImageFormat,
@@ -91,6 +111,7 @@ impl RawImage {
         let mut image = Self {
             handle,
             view: vk::ImageView::null(),
+            reordered: None,
             allocation: None,
             extent,
             format,
@@ -130,7 +151,19 @@ impl RawImage {
         image.view = unsafe { device.raw.create_image_view(&info, None) }.map_err(error("vkCreateImageView"))?;
         device.set_name(handle, name);
         device.set_name(image.view, name);
+        if let Some(components) = format.sampled_as() {
+            let info = info.components(components);
+            // SAFETY: as above.
+            let view = unsafe { device.raw.create_image_view(&info, None) }.map_err(error("vkCreateImageView"))?;
+            image.reordered = Some(view);
+            device.set_name(view, name);
+        }
         Ok(image)
+    }
+
+    /// The view that samplers read.
+    pub(super) fn sampled_view(&self) -> vk::ImageView {
+        self.reordered.unwrap_or(self.view)
     }
 }
 
@@ -161,6 +194,7 @@ impl Drop for RawImage {
         // SAFETY: whoever used the image kept it alive until the device was done with it; null views are ignored.
         unsafe {
             self.device.raw.destroy_image_view(self.view, None);
+            self.device.raw.destroy_image_view(self.reordered.unwrap_or_default(), None);
             self.device.raw.destroy_image(self.handle, None);
         }
         if let Some(allocation) = self.allocation.take() {

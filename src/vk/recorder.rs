@@ -443,7 +443,7 @@ impl Recorder {
                 }
                 Bind::Sampled(i, filter) => images.push([vk::DescriptorImageInfo {
                     sampler: self.device.sampler(*filter),
-                    image_view: i.view,
+                    image_view: i.sampled_view(),
                     image_layout: vk::ImageLayout::GENERAL,
                 }]),
                 Bind::Storage(i) => images.push([vk::DescriptorImageInfo {

@@ -170,7 +170,7 @@ impl Setup {
         let data = SceneData::new(ctx, scene).unwrap();
         let dims = data.params.dims;
         let classify = Classify::new(ctx, &data, Emitted::Emission).unwrap();
-        let field = data.stored(ctx, "field", dims).unwrap();
+        let field = data.field(ctx, "field", dims).unwrap();
         let emptiness = Emptiness::for_rays(ctx, dims).unwrap();
         let marks = Marks::new(ctx, data.light_blocks()).unwrap();
         let mut rec = Recorder::new(ctx).unwrap();
@@ -208,11 +208,22 @@ impl Setup {
 
 /// An image, read back.
 pub fn texture(ctx: &Context, image: &Image) -> Texture<Vec4> {
-    if image.format() == ImageFormat::Rgba32Float {
-        return Texture::new(image.extent(), ctx.read_back_image(image).unwrap());
-    }
-    let texels: Vec<[f16; 4]> = ctx.read_back_image(image).unwrap();
-    Texture::new(image.extent(), texels.iter().map(|t| Vec4::from(t.map(f32::from))).collect())
+    let half = |texels: Vec<[f16; 4]>| texels.iter().map(|t| Vec4::from(t.map(f32::from))).collect();
+    let grey = |[light, extinction]: [f32; 2]| Vec4::new(light, light, light, extinction);
+    let texels = match image.format() {
+        ImageFormat::Rgba32Float => ctx.read_back_image(image).unwrap(),
+        ImageFormat::Rgba16Float => half(ctx.read_back_image(image).unwrap()),
+        ImageFormat::GreyAlpha32Float => ctx.read_back_image(image).unwrap().into_iter().map(grey).collect(),
+        ImageFormat::GreyAlpha16Float => {
+            let texels: Vec<[f16; 2]> = ctx.read_back_image(image).unwrap();
+            texels.into_iter().map(|t| grey(t.map(f32::from))).collect()
+        }
+        ImageFormat::R32Float => {
+            ctx.read_back_image(image).unwrap().into_iter().map(|light: f32| grey([light, 1.0])).collect()
+        }
+        format => panic!("{format:?} is no field"),
+    };
+    Texture::new(image.extent(), texels)
 }
 
 /// An image of half floats with the given texels.
