@@ -20,8 +20,7 @@ use tyndall::volume::Grid;
 fn lists(ctx: &Context, setup: &Setup) -> [BTreeSet<u32>; 3] {
     let pass = See::new(ctx).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
-    let (dims, size) = (setup.data.params.dims, setup.data.params.size);
-    let height = size[1] * rays(dims, size);
+    let height = setup.data.params.size[1] * rays(&setup.data.params).per_pixel;
     // In two bands.
     for rows in [0..height / 2, height / 2..height] {
         pass.record(&mut rec, &setup.data, &setup.field, &setup.emptiness.image, &setup.marks, rows);

@@ -23,7 +23,7 @@ pub struct Sight {
 pub fn see(scene: &SceneParams, field: &Texture<Vec4>) -> Vec<Sight> {
     let counts = UVec3::from(scene.light_dims) + 1;
     let mut cells = vec![Sight::default(); counts.element_product() as usize];
-    let [width, height] = scene.size.map(|n| n * rays(scene.dims, scene.size));
+    let [width, height] = scene.size.map(|n| n * rays(scene).per_pixel);
     for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
         let place = (Vec2::new(x as f32, y as f32) + 0.5) / Vec2::new(width as f32, height as f32);
         let ray = make_ray(scene, index_from_world(scene, scene.eye.into()), eye_direction(scene, place), STEP);

@@ -20,19 +20,19 @@ pub const STEP: f32 = 1.0;
 /// Invocations of a workgroup along each axis.
 const WORKGROUP: u32 = 8;
 
-/// Rays per pixel along each axis of the picture: about two per voxel along the volume's longest axis, and no more than a grid
-/// of one dispatch takes.
-pub fn rays(dims: [u32; 3], size: [u32; 2]) -> u32 {
-    let longest = f64::from(dims.into_iter().max().expect("three axes"));
-    let side = (f64::from(size[0]) * f64::from(size[1])).sqrt();
-    let most = constants::MAX_GRID * WORKGROUP / size[0];
-    ((2.0 * longest / side).ceil() as u32).min(most)
+/// The rays of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rays {
+    /// Along each axis of the picture.
+    pub per_pixel: u32,
+    /// Do they meet every cell that any ray of the eye may meet, or its neighbour?
+    pub is_dense: bool,
 }
 
-/// Do these rays meet every cell that any ray of the eye may meet, or its neighbour? Where they are at most a cell apart on the
-/// far side of the volume, which they are not if the volume is far away and small in the picture.
-pub fn is_dense(params: &SceneParams) -> bool {
-    let rays = rays(params.dims, params.size) as f32;
+/// So many rays that they are at most a cell apart on the far side of the volume, and no fewer than two per voxel of its longest
+/// axis, since cells that are seen and missed are noisier. Not so many if it is far away and small in the picture, or more than
+/// a grid of one dispatch takes: eight per voxel must do.
+pub fn rays(params: &SceneParams) -> Rays {
     let vector = |v: [f32; 3]| Vec3::from(v);
     let axes = [params.world_of_x, params.world_of_y, params.world_of_z].map(vector);
     let corner = |i: u32| {
@@ -42,9 +42,15 @@ pub fn is_dense(params: &SceneParams) -> bool {
     let eye = vector(params.eye);
     let farthest = (0..8).map(|i| (corner(i) - eye).dot(vector(params.forward))).fold(0.0, f32::max);
     // The picture is 2 |right| wide at distance 1.
-    let apart = |side: [f32; 3], pixels: u32| 2.0 * vector(side).length() * farthest / (pixels as f32 * rays);
-    let least = axes.map(Vec3::length).into_iter().fold(f32::INFINITY, f32::min) * params.light_edge as f32;
-    apart(params.right, params.size[0]).max(apart(params.up, params.size[1])) <= least
+    let apart = |side: [f32; 3], pixels: u32| 2.0 * vector(side).length() * farthest / pixels as f32;
+    let cell = axes.map(Vec3::length).into_iter().fold(f32::INFINITY, f32::min) * params.light_edge as f32;
+    let needed = (apart(params.right, params.size[0]).max(apart(params.up, params.size[1])) / cell).ceil() as u32;
+    let longest = params.dims.into_iter().max().expect("three axes") as f32;
+    let [width, height] = params.size.map(|n| n as f32);
+    let of_grid = constants::MAX_GRID * WORKGROUP / params.size[0];
+    let per_voxel = |n: f32| ((n * longest / (width * height).sqrt()).ceil() as u32).min(of_grid);
+    let most = per_voxel(8.0);
+    Rays { per_pixel: needed.clamp(per_voxel(2.0), most), is_dense: needed <= most }
 }
 
 impl See {
@@ -65,7 +71,7 @@ impl See {
         rows: std::ops::Range<u32>,
     ) {
         let size = scene.params.size;
-        let rays = rays(scene.params.dims, size);
+        let rays = rays(&scene.params).per_pixel;
         order_compute(rec);
         let push = SeePush { rays, row_begin: rows.start, row_end: rows.end, step_voxels: STEP };
         let binds = [
@@ -83,43 +89,50 @@ impl See {
 mod tests {
     use super::*;
 
-    /// An axis-aligned volume of 40 voxels whose far side is 70 away, seen by an eye whose picture is `width` wide at distance 1.
+    /// A volume of 40 voxels along each axis, whose far side is 70 away, seen by an eye whose picture is `width` wide at distance
+    /// 1.
+    fn params(size: [u32; 2], width: f32, light_edge: u32) -> SceneParams {
+        SceneParams {
+            dims: [40; 3],
+            light_edge,
+            size,
+            world_of_x: [1.0, 0.0, 0.0],
+            world_of_y: [0.0, 1.0, 0.0],
+            world_of_z: [0.0, 0.0, 1.0],
+            world_of_origin: [-20.0; 3],
+            eye: [0.0, 0.0, -50.0],
+            forward: [0.0, 0.0, 1.0],
+            right: [0.5 * width, 0.0, 0.0],
+            up: [0.0, 0.5 * width, 0.0],
+            ..bytemuck::Zeroable::zeroed()
+        }
+    }
+
     #[test]
-    fn rays_are_dense_where_neighbours_are_a_cell_apart_on_the_far_side() {
-        let dense = |width: f32, light_edge: u32| {
-            is_dense(&SceneParams {
-                dims: [40; 3],
-                light_edge,
-                size: [100, 100],
-                world_of_x: [1.0, 0.0, 0.0],
-                world_of_y: [0.0, 1.0, 0.0],
-                world_of_z: [0.0, 0.0, 1.0],
-                world_of_origin: [-20.0; 3],
-                eye: [0.0, 0.0, -50.0],
-                forward: [0.0, 0.0, 1.0],
-                right: [0.5 * width, 0.0, 0.0],
-                up: [0.0, 0.5 * width, 0.0],
-                ..bytemuck::Zeroable::zeroed()
-            })
-        };
-        assert_eq!(rays([40; 3], [100, 100]), 1);
+    fn neighbours_are_a_cell_apart_on_the_far_side() {
+        let of = |per_pixel, is_dense| Rays { per_pixel, is_dense };
         // 100 rays over 70 times the width.
-        assert!(dense(1.42, 1) && !dense(1.44, 1));
-        assert!(dense(2.84, 2) && !dense(2.88, 2));
+        assert_eq!(rays(&params([100; 2], 1.42, 1)), of(1, true));
+        assert_eq!(rays(&params([100; 2], 1.44, 1)), of(2, true));
+        assert_eq!(rays(&params([100; 2], 2.84, 2)), of(1, true));
+        assert_eq!(rays(&params([100; 2], 2.88, 2)), of(2, true));
+        // Four per pixel are most.
+        assert_eq!(rays(&params([100; 2], 5.71, 1)), of(4, true));
+        assert_eq!(rays(&params([100; 2], 5.72, 1)), of(4, false));
     }
 
     #[test]
     fn rays_fit_into_a_grid_whatever_the_picture() {
-        assert_eq!(rays([128, 64, 32], [128, 128]), 2);
-        assert_eq!(rays([128; 3], [512, 512]), 1);
-        for (dims, size) in
-            [([16384; 3], [16384, 1]), ([16384; 3], [1, 16384]), ([16384; 3], [1, 1]), ([1; 3], [16384; 2])]
-        {
-            let rays = rays(dims, size);
-            assert!(
-                rays >= 1 && (size[0] * rays).div_ceil(WORKGROUP) <= constants::MAX_GRID,
-                "{dims:?} {size:?}: {rays}"
-            );
+        for dims in [[16384; 3], [1; 3]] {
+            for size in [[16384, 1], [1, 16384], [1, 1], [16384; 2]] {
+                for width in [0.0, 1e-6, 1.0, 1e30, f32::INFINITY] {
+                    let rays = rays(&SceneParams { dims, ..params(size, width, 1) }).per_pixel;
+                    assert!(
+                        rays >= 1 && (size[0] * rays).div_ceil(WORKGROUP) <= constants::MAX_GRID,
+                        "{dims:?} {size:?} {width}: {rays}"
+                    );
+                }
+            }
         }
     }
 }

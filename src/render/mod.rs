@@ -475,13 +475,13 @@ impl<'a> Renderer<'a> {
         if let Some(see) = &self.see {
             queue.submit(rec, 0.0, "classifying")?;
             let size = self.data.params.size;
-            let rays = see::rays(self.data.params.dims, size);
             let eyes = if self.views.is_empty() { std::slice::from_ref(&self.eye) } else { &self.views };
             self.is_dense = !self.gathers_everywhere;
             for eye in eyes {
                 self.data.set_camera(self.ctx, eye)?;
-                self.is_dense &= see::is_dense(&self.data.params);
-                for rows in self.bands(size.map(|n| n * rays)) {
+                let rays = see::rays(&self.data.params);
+                self.is_dense &= rays.is_dense;
+                for rows in self.bands(size.map(|n| n * rays.per_pixel)) {
                     let mut rec = Recorder::new(self.ctx)?;
                     rec.begin_pass("see", 0);
                     see.record(&mut rec, &self.data, &self.total.a, &self.emptiness.image, &self.marks, rows);
