@@ -37,26 +37,23 @@ fn main() {
         Err(mut e) => errors.append(&mut e),
     }
     for name in &names {
-        let of_kernel = versions(name);
-        if of_kernel.len() > 1 {
-            let all: Vec<_> = of_kernel.iter().map(|v| format!("&{name}{}", v.suffix).to_uppercase()).collect();
+        let statics: Vec<_> = versions(name).iter().map(|v| format!("{name}{}", v.suffix).to_uppercase()).collect();
+        if statics.len() > 1 {
             let _ = writeln!(
                 code,
-                "/// The versions of `glsl/{name}.comp`.\npub static {}_VERSIONS: [&ShaderInfo; {}] = [{}];",
+                "/// The versions of `glsl/{name}.comp`.\npub static {}_VERSIONS: [&ShaderInfo; {}] = [&{}];",
                 name.to_uppercase(),
-                all.len(),
-                all.join(", ")
+                statics.len(),
+                statics.join(", &")
             );
         }
-        for version in of_kernel {
+        for version in versions(name) {
             match shader(&compiler, name, *version, &out_dir, &mut structs) {
-                Ok(rust) => {
-                    code += &rust;
-                    all.push(format!("{name}{}", version.suffix).to_uppercase());
-                }
+                Ok(rust) => code += &rust,
                 Err(mut e) => errors.append(&mut e),
             }
         }
+        all.extend(statics);
     }
     if !errors.is_empty() {
         for e in &errors {

@@ -54,12 +54,12 @@ uint tile_item(uint index) {
     if (listed < LISTED_SEEN) {
         return bits >> listed & 1u;
     }
-    uint seen = bits >> LISTED_SEEN & 1u;
     bool is_cell = (bits >> LISTED_CELLS & 1u) != 0u;
-    if (listed == LISTED_SEEN || !is_cell || seen != 0u) {
-        return is_cell && listed == LISTED_SEEN ? seen : 0u;
+    bool is_seen = (bits >> LISTED_SEEN & 1u) != 0u;
+    if (!is_cell || is_seen != (listed == LISTED_SEEN)) {
+        return 0u;
     }
-    return is_remote(at, ivec3(counts)) == (listed == LISTED_REMOTE) ? 1u : 0u;
+    return uint(is_seen || is_remote(at, ivec3(counts)) == (listed == LISTED_REMOTE));
 }
 
 void main() {

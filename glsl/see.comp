@@ -33,9 +33,10 @@ void main() {
     }
     Ray ray = make_eye_ray(eye_direction((vec2(at) + 0.5) / vec2(count)), step_voxels);
     float tau = 0.0;
+    float through = 1.0;
     float t = 0.0;
     // As far as the camera's rays.
-    while (t < ray.end && exp(-tau) > LEAST_TRANSMITTANCE) {
+    while (t < ray.end && through > LEAST_TRANSMITTANCE) {
         float stride = min(ray.dt, ray.end - t);
         vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
         float sigma = textureLod(field, p / vec3(scene.dims), 0.0).a;
@@ -44,11 +45,12 @@ void main() {
             vec3 cell = floor(p / float(scene.light_edge) + 0.5);
             ivec3 at = clamp(ivec3(cell), ivec3(0), ivec3(scene.light_dims));
             imageAtomicOr(marks, at / int(REACH_BLOCK) * int(REACH_BLOCK), 1u << MARK_REACHED);
-            if (exp(-tau) > SEEN_TRANSMITTANCE) {
+            if (through > SEEN_TRANSMITTANCE) {
                 imageAtomicOr(marks, at, 1u << LISTED_SEEN);
             }
         }
         tau += sigma * scene.max_extinction * stride;
+        through = exp(-tau);
         t += steps_ahead(ray, p) * ray.dt;
     }
 }

@@ -293,7 +293,7 @@ fn a_count_on_the_gpu_may_take_the_histogram_several_steps() {
         // In one step of its 256 workgroups it takes 2^18 keys.
         let keys = Random(14).words((1 << 19) + 3);
         let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
-        for n in [(1 << 18) + 1, keys.len()] {
+        for n in [1000, (1 << 18) - 1, (1 << 18) + 1, keys.len()] {
             let counts = ctx.upload("counts", &[n as u32]).unwrap();
             let (key_buffer, payloads) =
                 (ctx.upload("keys", &keys).unwrap(), ctx.upload("payloads", &indices(keys.len())).unwrap());

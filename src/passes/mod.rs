@@ -69,8 +69,8 @@ impl Stored {
 
     /// Of a kernel's versions, in the order of `build.rs`, the one that writes them. A kernel that writes sums only has two.
     fn version<const N: usize>(self, versions: [&'static ShaderInfo; N]) -> &'static ShaderInfo {
-        let of_precision = if self.precision == Precision::Single { 2 } else { 0 };
-        versions[of_precision % N + usize::from(self.is_grey)]
+        let of_all = 2 * usize::from(self.precision == Precision::Single) + usize::from(self.is_grey);
+        versions[of_all % N]
     }
 }
 
