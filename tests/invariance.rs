@@ -19,6 +19,7 @@ use place::{Place, text};
 use std::ops::ControlFlow;
 use transport::mean;
 use tyndall::output::{Picture, read_picture};
+use tyndall::passes::Stored;
 use tyndall::render;
 use tyndall::render::path::{Estimate, PathRender};
 use tyndall::render::{Internals, Renderer};
@@ -354,7 +355,7 @@ fn light_without_colour_is_stored_in_one_channel() {
         add("residual", &|s| s.settings.sampling = Sampling::Residual);
         add("top", &|s| s.settings.sampling = Sampling::Top);
         for (case, scene) in all {
-            if !ctx.stores_two_channels()[usize::from(scene.settings.precision == Precision::Single)] {
+            if !Stored::of(ctx, scene.settings.precision, true).is_grey {
                 println!("SKIP {case}: the device stores no images of two channels");
                 continue;
             }
@@ -375,7 +376,7 @@ fn any_colour_is_noticed() {
             change(&mut scene);
             picture_of(ctx, &scene, false).1
         };
-        assert_eq!(is_grey(&|_| {}), ctx.stores_two_channels()[0]);
+        assert_eq!(is_grey(&|_| {}), Stored::of(ctx, Precision::Half, true).is_grey);
         assert!(!is_grey(&|s| s.transfer.points[1].color[2] *= 0.999));
         assert!(!is_grey(&|s| s.transfer.points[1].emission[0] += 0.1));
         assert!(!is_grey(&|s| s.albedo_scale.x *= 0.9));

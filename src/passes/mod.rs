@@ -31,7 +31,7 @@ pub mod tuning;
 use crate::scene::Precision;
 use crate::shaders::ShaderInfo;
 use crate::shaders::constants::MAX_ITERATIONS;
-use crate::vk::{Access, ImageFormat, Recorder};
+use crate::vk::{Access, Context, ImageFormat, Recorder};
 
 /// Workgroup size of kernels over lists.
 pub const LIST_WORKGROUP: u32 = 64;
@@ -52,6 +52,12 @@ pub struct Stored {
 }
 
 impl Stored {
+    /// One channel where one is enough and the device has images of two.
+    pub fn of(ctx: &Context, precision: Precision, is_grey: bool) -> Self {
+        let stored = Self { precision, is_grey };
+        Self { is_grey: is_grey && ctx.stores_fields(stored.format()), ..stored }
+    }
+
     /// The format of fields of light and extinction.
     pub fn format(self) -> ImageFormat {
         match (self.precision, self.is_grey) {

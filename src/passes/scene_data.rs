@@ -5,7 +5,7 @@ use super::compact::Blocks;
 use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::cpu::classify::classify;
 use crate::scene::environment::EnvironmentTable;
-use crate::scene::{Background, Camera, Environment, Light, Model, OpacityUnit, Precision, Scene};
+use crate::scene::{Background, Camera, Environment, Light, Model, OpacityUnit, Scene};
 use crate::shaders::constants;
 use crate::vk::{Buffer, Context, Image, ImageFormat};
 use crate::{Error, Result};
@@ -265,11 +265,7 @@ impl SceneData {
             environment,
             ambient: scene.environment.as_ref().map_or(Vec3::ZERO, Environment::mean_radiance),
             has_emission: scene.emission_scale > 0.0 && points.iter().any(|p| p.emission.iter().any(|&e| e > 0.0)),
-            stored: Stored {
-                precision: scene.settings.precision,
-                is_grey: ctx.stores_two_channels()[usize::from(scene.settings.precision == Precision::Single)]
-                    && is_grey(scene),
-            },
+            stored: Stored::of(ctx, scene.settings.precision, is_grey(scene)),
             params,
             points,
             origin: origin(scene),

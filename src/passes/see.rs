@@ -5,6 +5,7 @@ use super::order_compute;
 use super::scene_data::SceneData;
 use crate::Result;
 use crate::abi::{SceneParams, SeePush};
+use crate::cpu::scene::world_from_index;
 use crate::shaders::{self, constants};
 use crate::vk::{Context, Filter, Image, Pipeline, Recorder};
 use glam::Vec3;
@@ -36,8 +37,8 @@ pub fn rays(params: &SceneParams) -> Rays {
     let vector = |v: [f32; 3]| Vec3::from(v);
     let axes = [params.world_of_x, params.world_of_y, params.world_of_z].map(vector);
     let corner = |i: u32| {
-        let along = |axis: usize| axes[axis] * if i >> axis & 1 == 0 { 0.0 } else { params.dims[axis] as f32 };
-        vector(params.world_of_origin) + along(0) + along(1) + along(2)
+        let at = [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { 0.0 } else { params.dims[axis] as f32 });
+        world_from_index(params, Vec3::from(at))
     };
     let eye = vector(params.eye);
     let farthest = (0..8).map(|i| (corner(i) - eye).dot(vector(params.forward))).fold(0.0, f32::max);

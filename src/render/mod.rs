@@ -24,7 +24,7 @@ use crate::passes::single_scatter::SingleScatter;
 use crate::scene::{self, LightFor, Mask, Model, Precision, Sampling, Scene};
 use crate::shaders::constants;
 use crate::stats::{AutoStats, PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
-use crate::vk::{Access, Buffer, Context, Image, ImageReadBack, Recorder, Submission, TimedPass};
+use crate::vk::{Access, Buffer, Context, Image, ImageFormat, ImageReadBack, Recorder, Submission, TimedPass};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range, RangeInclusive};
@@ -232,7 +232,7 @@ impl<'a> Renderer<'a> {
 
     fn build(ctx: &'a Context, scene: &Scene, internals: Internals) -> Result<Self> {
         let s = &scene.settings;
-        if s.precision == Precision::Single && !ctx.interpolates_single() {
+        if s.precision == Precision::Single && !ctx.stores_fields(ImageFormat::Rgba32Float) {
             let problem = "the device does not interpolate images of 32-bit floats";
             return Err(Error::input("--precision", problem, "use half"));
         }
@@ -518,19 +518,16 @@ impl<'a> Renderer<'a> {
         (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
     }
 
-    /// What a gather gives to cells of the given share: the inner ones, whose light the eye sees only after another, a part;
-    /// the last one nothing to those out of the eye's reach.
-    fn share_in(&self, share: Share, is_last: bool) -> f32 {
-        if !is_last {
-            return self.inner_share * share.of_all;
-        }
+    /// What the inner gathers give to cells of the given share, and what the last one does: the inner ones, whose light the eye sees
+    /// only after another, a part; the last one nothing to those out of the eye's reach.
+    fn shares(&self, share: Share) -> [f32; 2] {
         let is_unseen = share.is_remote && self.is_dense && self.is_expected(&self.eye);
-        if is_unseen { 0.0 } else { share.of_all }
+        [self.inner_share * share.of_all, if is_unseen { 0.0 } else { share.of_all }]
     }
 
     /// The same for light of order 1, which may be the last.
     fn first_share(&self, share: Share) -> f32 {
-        if self.orders > 1 { share.of_all } else { self.share_in(share, true) }
+        if self.orders > 1 { share.of_all } else { self.shares(share)[1] }
     }
 
     /// Environment directions of a cell that gets the given share of them, for what the eye sees. A constant environment is
@@ -547,7 +544,7 @@ impl<'a> Renderer<'a> {
     fn inner_environment_rays(&self, scatter: &Scatter, share: Share) -> u32 {
         match &scatter.gather {
             Some(gather) if self.data.environment == constants::ENVIRONMENT_CONSTANT => {
-                gather.directions(self.share_in(share, false))
+                gather.directions(self.shares(share)[0])
             }
             _ => 0,
         }
@@ -560,7 +557,7 @@ impl<'a> Renderer<'a> {
             let first = f64::from(self.environment_rays(share)) + emission;
             let lights = if s.gather.is_some() { f64::from(s.single.light_rays(&self.data)) } else { 0.0 };
             let inner = f64::from(self.orders.saturating_sub(2));
-            let [of_inner, of_last] = [false, true].map(|is_last| self.share_in(share, is_last));
+            let [of_inner, of_last] = self.shares(share);
             let gathers = |g: &Gather| inner * g.rays(of_inner) + g.rays(of_last);
             let later = s.gather.as_ref().map_or(0.0, gathers);
             let separate = s.lights.as_ref().map_or(0.0, |(g, images)| gathers(g) * images.len() as f64);
@@ -595,7 +592,7 @@ impl<'a> Renderer<'a> {
         for &Shared { ref list, share } in &self.lists {
             let mut args =
                 |gather: Option<&Gather>, share| gather.map(|g| g.args(ctx, &mut rec, list, share)).transpose();
-            let [inner, last] = [false, true].map(|is_last| self.share_in(share, is_last));
+            let [inner, last] = self.shares(share);
             let mut both = |gather| Ok(args(gather, inner)?.zip(args(gather, last)?).map(|(i, l)| [i, l]));
             groups.push(Cells {
                 gather: both(scatter.gather.as_ref())?,
@@ -709,9 +706,9 @@ impl<'a> Renderer<'a> {
                         let mut rec = Recorder::new(ctx)?;
                         let mut args = Vec::new();
                         for cells in &groups {
-                            let mut of =
-                                |is_last| gather.args(ctx, &mut rec, cells.list, self.share_in(cells.share, is_last));
-                            args.push([of(false)?, of(true)?]);
+                            let [inner, last] = self.shares(cells.share);
+                            let mut of = |share| gather.args(ctx, &mut rec, cells.list, share);
+                            args.push([of(inner)?, of(last)?]);
                         }
                         queue.submit(rec, 0.0, "multiple scattering")?;
                         decided = Some((gather, args));
@@ -721,7 +718,7 @@ impl<'a> Renderer<'a> {
                 let is_last = order == self.orders;
                 for (group, cells) in groups.iter().enumerate() {
                     let scattering = self.scattering(scatter, cells, scatter.projection.kept(!is_last));
-                    let share = self.share_in(cells.share, is_last);
+                    let share = self.shares(cells.share)[usize::from(is_last)];
                     if let Some((gather, images)) = &scatter.lights {
                         self.gather_lights(cells, queue, gather, images, &scattering, order)?;
                     }
@@ -773,7 +770,7 @@ impl<'a> Renderer<'a> {
         let mut work = auto::Work { shares: 0.0, cells: 0.0, voxels: later * self.data.voxels() as f64 };
         for Shared { list, share } in &self.lists {
             let cells = list.items() as f64;
-            let [inner, last] = [false, true].map(|is_last| f64::from(self.share_in(*share, is_last)));
+            let [inner, last] = self.shares(*share).map(f64::from);
             work.shares += cells * (later * inner + last);
             work.cells += cells * (later + if last > 0.0 { 1.0 } else { 0.0 });
         }
@@ -806,7 +803,7 @@ impl<'a> Renderer<'a> {
     ) -> Result<()> {
         let is_last = order == self.orders;
         let args = &cells.lights.as_ref().expect("arguments of the lights' gather")[usize::from(is_last)];
-        let rays = gather.rays(self.share_in(cells.share, is_last));
+        let rays = gather.rays(self.shares(cells.share)[usize::from(is_last)]);
         for (l, image) in images.iter().enumerate() {
             let source = Source { a: image.clone(), b: [image.clone(), image.clone(), image.clone()] };
             self.for_chunks(cells.list, queue, "multiple scattering", rays, |rec, chunk| {
@@ -887,7 +884,7 @@ impl<'a> Renderer<'a> {
     pub fn listed_cells(&self) -> [u64; 3] {
         let mut cells = [0; 3];
         for Shared { list, share } in &self.lists {
-            let kind = match self.share_in(*share, true) {
+            let kind = match self.shares(*share)[1] {
                 1.0 => 0,
                 0.0 => 2,
                 _ => 1,

@@ -118,8 +118,7 @@ pub(super) struct DeviceShared {
     vendor_id: u32,
     min_subgroup_size: u32,
     pub(super) max_subgroup_size: u32,
-    interpolates_single: bool,
-    stores_two_channels: [bool; 2],
+    field_formats: Vec<ImageFormat>,
     pub(super) has_timestamps: bool,
     pub(super) debug: Option<ash::ext::debug_utils::Device>,
     pub(super) checks_hazards: bool,
@@ -414,8 +413,7 @@ struct Probe {
     properties: vk::PhysicalDeviceProperties,
     min_subgroup_size: u32,
     max_subgroup_size: u32,
-    interpolates_single: bool,
-    stores_two_channels: [bool; 2],
+    field_formats: Vec<ImageFormat>,
     max_allocation: u64,
     queue_family: u32,
     timestamp_bits: u32,
@@ -444,6 +442,11 @@ pub fn enable_features(
     vulkan_1_3.compute_full_subgroups = vk::TRUE;
     vulkan_1_3.maintenance4 = vk::TRUE;
 }
+
+/// What fields need of a format.
+const OF_FIELDS: vk::FormatFeatureFlags2 = vk::FormatFeatureFlags2::from_raw(
+    vk::FormatFeatureFlags2::STORAGE_IMAGE.as_raw() | vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR.as_raw(),
+);
 
 fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> Probe {
     let mut v11 = vk::PhysicalDeviceVulkan11Properties::default();
@@ -514,7 +517,10 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> 
     let family = family.unwrap_or(0);
     // SAFETY: as above.
     let features = unsafe { instance.get_physical_device_features(device) };
-    let has_extended_formats = features.shader_storage_image_extended_formats == vk::TRUE;
+    let mut field_formats = vec![ImageFormat::Rgba16Float, ImageFormat::Rgba32Float];
+    if features.shader_storage_image_extended_formats == vk::TRUE {
+        field_formats.extend([ImageFormat::GreyAlpha16Float, ImageFormat::GreyAlpha32Float]);
+    }
     let features_of = |format: ImageFormat| {
         let mut f3 = vk::FormatProperties3::default();
         let mut f = vk::FormatProperties2::default().push_next(&mut f3);
@@ -525,10 +531,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> 
     let formats = [
         (ImageFormat::R32Float, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
         (ImageFormat::R32Uint, vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE),
-        (
-            ImageFormat::Rgba16Float,
-            vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR,
-        ),
+        (ImageFormat::Rgba16Float, OF_FIELDS),
     ];
     for (format, needs) in formats.into_iter().filter(|_| needs == Needs::Renderer) {
         if !features_of(format).contains(needs) {
@@ -568,12 +571,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> 
         info,
         properties: p,
         min_subgroup_size: if v13.min_subgroup_size == 0 { v11.subgroup_size } else { v13.min_subgroup_size },
-        interpolates_single: features_of(ImageFormat::Rgba32Float)
-            .contains(vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR),
-        stores_two_channels: [ImageFormat::GreyAlpha16Float, ImageFormat::GreyAlpha32Float].map(|format| {
-            let needs = vk::FormatFeatureFlags2::STORAGE_IMAGE | vk::FormatFeatureFlags2::SAMPLED_IMAGE_FILTER_LINEAR;
-            has_extended_formats && features_of(format).contains(needs)
-        }),
+        field_formats: field_formats.into_iter().filter(|&format| features_of(format).contains(OF_FIELDS)).collect(),
         max_subgroup_size: if v13.max_subgroup_size == 0 { v11.subgroup_size } else { v13.max_subgroup_size },
         max_allocation: v11.max_memory_allocation_size,
         queue_family: family as u32,
@@ -777,8 +775,7 @@ impl Context {
             vendor_id: probe.properties.vendor_id,
             min_subgroup_size: probe.min_subgroup_size,
             max_subgroup_size: probe.max_subgroup_size,
-            interpolates_single: probe.interpolates_single,
-            stores_two_channels: probe.stores_two_channels,
+            field_formats: probe.field_formats.clone(),
             has_timestamps: probe.timestamp_bits > 0 && probe.properties.limits.timestamp_period > 0.0,
             debug,
             is_gpu_assisted: config.validation == Validation::GpuAssisted,
@@ -819,14 +816,9 @@ impl Context {
         self.info.kind == "CPU"
     }
 
-    /// Can samplers interpolate images of 32-bit floats? Of 16-bit floats all devices can that are accepted.
-    pub fn interpolates_single(&self) -> bool {
-        self.shared.interpolates_single
-    }
-
-    /// Can kernels write images of two channels of 16, of 32 bits, and samplers interpolate them?
-    pub fn stores_two_channels(&self) -> [bool; 2] {
-        self.shared.stores_two_channels
+    /// Can kernels write 3D images of this format, and samplers interpolate them? `Rgba16Float` all devices can that are accepted.
+    pub fn stores_fields(&self, format: ImageFormat) -> bool {
+        self.shared.field_formats.contains(&format)
     }
 
     /// Largest number of bytes that one storage binding may cover.
