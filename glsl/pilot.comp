@@ -3,7 +3,8 @@
 // Pilot of the sampling `auto`: what a few cells tell of a gather's noise and cost (DESIGN section 2, "Choosing directions").
 // In each of them PILOT_REPLICATES independent gathers follow the same directions in the data and in the proxy. What the
 // replicates differ by is the variance of a mean over these evenly spread directions, which is less than that of independent
-// ones. Steps are counted: they cost the same at every run, and time does not.
+// ones. Steps are counted: they cost the same at every run, and time does not. A first look, before there is a proxy, counts
+// those of a few rays in the data: whether a pilot is worth its time.
 // Grid: x = cells drawn evenly from the list, y = replicates, z = blocks of directions: few cells alone would leave most of a
 // large device idle.
 #define LIST_BINDING 3
@@ -18,6 +19,8 @@
 #include "include/estimate.glsl"
 
 layout(local_size_x_id = 0) in;
+// There is a proxy, and the directions are followed in it, too.
+layout(constant_id = 4) const bool PROXY = true;
 
 struct PilotSample {
     // A block's part of the light that the cell scatters, as a mean over its points and the directions: as `phase` has it,
@@ -70,7 +73,10 @@ void main() {
         vec3 place = point_place(cell, point);
         vec3 towards = lattice_direction(slot, directions, shift);
         vec3 radiance = traced_radiance(make_ray(position_of(cell, place), towards, step_voxels), towards, 0u);
-        float energy = estimated_energy(make_ray(position_of(cell, vec3(0.5)), towards, proxy_step_voxels));
+        float energy = 0.0;
+        if (PROXY) {
+            energy = estimated_energy(make_ray(position_of(cell, vec3(0.5)), towards, proxy_step_voxels));
+        }
         vec3 scattered = scattering_at(scattering, cell, point) / float(directions);
         found.traced += radiance * scattered;
         found.residual += (radiance - energy) * scattered;

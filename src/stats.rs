@@ -108,8 +108,7 @@ pub struct ProxyStats {
     pub hash_bits: u32,
 }
 
-/// The sampling `auto`. Variances are per cell and direction, in squares of the scattered light's own unit; costs are per
-/// ray in nanoseconds of GPU time, from counted steps.
+/// The sampling `auto`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AutoStats {
     /// What was chosen: `phase` or `residual`.
@@ -118,6 +117,22 @@ pub struct AutoStats {
     pub candidates: u32,
     /// N of it.
     pub directions: u32,
+    /// Scattering order whose gather was looked at.
+    pub iteration: u32,
+    /// Steps of a ray in the data, by the first look.
+    pub traced_steps: f64,
+    /// What a pilot and its proxy were expected to take, over the time of the gathers that were left with `phase`.
+    pub pilot_share: f64,
+    /// There is a pilot up to this share, and `phase` without one beyond.
+    pub most_pilot_share: f64,
+    /// What the pilot found.
+    pub pilot: Option<PilotStats>,
+}
+
+/// What the pilot of the sampling `auto` found. Variances are per cell and direction, in squares of the scattered light's own
+/// unit; costs are per ray in nanoseconds of GPU time, from counted steps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PilotStats {
     /// What `residual` would gain at best: the gathers' time with `phase` over that with `residual`, at the same noise; 0
     /// where that takes more traced directions than `phase`, or more candidates than there may be.
     pub residual_gain: f64,
@@ -139,10 +154,10 @@ pub struct AutoStats {
     pub traced_steps: f64,
     /// Steps of a ray in the proxy.
     pub proxy_steps: f64,
-    /// Scattering order whose gather the pilot looked at.
-    pub iteration: u32,
     /// Cells that it looked at.
     pub cells: u32,
+    /// Directions that it followed in all.
+    pub rays: u64,
 }
 
 /// A batch: the figures of the whole run, and of every frame.
@@ -422,22 +437,31 @@ impl Stats {
 
     fn print_auto(&self, out: &mut String) -> std::fmt::Result {
         let Some(auto) = &self.auto else { return Ok(()) };
+        let Some(pilot) = &auto.pilot else {
+            let [share, most] = [auto.pilot_share, auto.most_pilot_share].map(|share| 100.0 * share);
+            return writeln!(
+                out,
+                "\nauto: phase, since a pilot and its proxy would take {share:.0} % of the time of the gathers left; at most \
+                 {most:.0} % are tried"
+            );
+        };
         match auto.sampling {
             Sampling::Residual => write!(
                 out,
                 "\nauto: residual, {} directions and {} in the proxy, expected to take {:.2} of the time of phase",
                 auto.directions,
                 auto.candidates,
-                1.0 / auto.residual_gain
+                1.0 / pilot.residual_gain
             )?,
-            _ if auto.residual_gain > 0.0 => {
-                write!(out, "\nauto: phase, since residual would only be {:.2} times as fast", auto.residual_gain)?;
+            _ if pilot.residual_gain > 0.0 => {
+                write!(out, "\nauto: phase, since residual would only be {:.2} times as fast", pilot.residual_gain)?;
             }
             _ => write!(out, "\nauto: phase, since residual would be noisier")?,
         }
-        let [v0, v1] = [auto.proxy_variance, auto.residual_variance].map(|v| v / auto.phase_variance);
-        let [c0, c1] = [auto.proxy_cost, auto.residual_cost].map(|c| c / auto.phase_cost);
-        writeln!(out, "; relative to a traced ray V0 {v0:.2}, V1 {v1:.2}, C0 {c0:.2}, C1 {c1:.2}; {} cells", auto.cells)
+        let [v0, v1] = [pilot.proxy_variance, pilot.residual_variance].map(|v| v / pilot.phase_variance);
+        let [c0, c1] = [pilot.proxy_cost, pilot.residual_cost].map(|c| c / pilot.phase_cost);
+        let cells = pilot.cells;
+        writeln!(out, "; relative to a traced ray V0 {v0:.2}, V1 {v1:.2}, C0 {c0:.2}, C1 {c1:.2}; {cells} cells")
     }
 
     fn print_path(&self, out: &mut String) -> std::fmt::Result {

@@ -9,6 +9,7 @@ pub use report::{CaseReport, Report, RunReport};
 
 use self::allow::Allowed;
 use self::cases::{CASES, Case};
+use crate::render::auto::FREE_PILOT;
 use crate::render::{self, Internals, Progress, Renderer};
 use crate::scene::Model;
 use crate::stats::DeviceStats;
@@ -111,7 +112,9 @@ fn render_twice(ctx: &Context, case: &Case) -> Result<()> {
     if scene.settings.model == Model::Path {
         return render::render(ctx, &scene, &mut go_on).map(drop);
     }
-    let mut renderer = Renderer::new(ctx, &scene, Internals::default())?;
+    // Scenes as small as these have no pilot otherwise.
+    let internals = Internals { costs: Some(FREE_PILOT), ..Internals::default() };
+    let mut renderer = Renderer::new(ctx, &scene, internals)?;
     renderer.picture(&mut go_on)?;
     let turned = scene.camera.turned(crate::scene::camera::centre(&scene.volume.grid), 40.0);
     renderer.look(&turned)?;

@@ -6,6 +6,7 @@ pub mod path;
 pub mod state;
 
 use self::auto::Costs;
+use crate::abi::PilotSample;
 use crate::output::Picture;
 use crate::passes::camera::{Camera, Content};
 use crate::passes::classify::{Classify, Emitted};
@@ -14,7 +15,7 @@ use crate::passes::emptiness::Emptiness;
 use crate::passes::gather::{Gather, GatherArgs, GatherConfig, Gathered};
 use crate::passes::mips::Mips;
 use crate::passes::phong::Phong;
-use crate::passes::pilot::Pilot;
+use crate::passes::pilot::{Look, Pilot};
 use crate::passes::project::{Kept, Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
 use crate::passes::scene_data::SceneData;
@@ -682,9 +683,14 @@ impl<'a> Renderer<'a> {
                 source = Some(&scatter.source);
             }
             for order in 2..=self.orders {
+                // `auto`, where there is something to decide, and a pilot is to decide it.
+                let mut pilot = None;
+                if let Some((auto, source)) = scatter.auto.as_ref().filter(|_| decision.is_none()).zip(source) {
+                    decision = self.begin(auto, queue, source, order)?;
+                    pilot = decision.clone().filter(AutoStats::is_worth_a_pilot).map(|begun| (auto, source, begun));
+                }
+                let needs_proxy = scatter.auto.is_none() || pilot.is_some() || decided.is_some();
                 let mut rec = Recorder::new(ctx)?;
-                let pilots = scatter.auto.as_ref().filter(|_| decision.is_none()).zip(source);
-                let needs_proxy = scatter.auto.is_none() || pilots.is_some() || decided.is_some();
                 if let Some((proxy, mips)) = scatter.proxy.as_ref().filter(|_| needs_proxy) {
                     rec.begin_pass("proxy.means", order);
                     mips.record(&mut rec, &source.unwrap_or(&scatter.source).a);
@@ -696,11 +702,9 @@ impl<'a> Renderer<'a> {
                 }
                 scatter.projection.record_clear(&mut rec);
                 queue.submit(rec, 0.0, "multiple scattering")?;
-                if let Some((auto, source)) = pilots {
-                    let found = self.decide(auto, queue, source, order)?;
-                    if let Some(stats) = &found
-                        && stats.sampling == Sampling::Residual
-                    {
+                if let Some((auto, source, begun)) = pilot {
+                    let stats = self.decide(auto, queue, begun, source, order)?;
+                    if stats.sampling == Sampling::Residual {
                         let gather =
                             Gather::new(ctx, data, stats.config(&auto.wanted), auto.chunk, Gathered::Projected)?;
                         let mut rec = Recorder::new(ctx)?;
@@ -713,7 +717,7 @@ impl<'a> Renderer<'a> {
                         queue.submit(rec, 0.0, "multiple scattering")?;
                         decided = Some((gather, args));
                     }
-                    decision = found;
+                    decision = Some(stats);
                 }
                 let is_last = order == self.orders;
                 for (group, cells) in groups.iter().enumerate() {
@@ -752,31 +756,74 @@ impl<'a> Renderer<'a> {
         Ok(decision)
     }
 
-    /// Lets a pilot decide how the gathers from `order` on draw their directions; `source` and its proxy are there. Waits for
-    /// the device, once per light. `None`: there are no cells.
-    fn decide(&self, auto: &Auto, queue: &mut Queue<'_>, source: &Source, order: u32) -> Result<Option<AutoStats>> {
-        // What the eye sees, as long as it sees something.
-        let Some(list) = self.lists.iter().map(|l| &l.list).find(|list| Pilot::cells(list) > 0) else {
+    /// Is a pilot worth its time before the gather of `order`? By the steps of a few rays through `source`. Waits for the device,
+    /// once per light. `None`: there are no cells.
+    fn begin(&self, auto: &Auto, queue: &mut Queue<'_>, source: &Source, order: u32) -> Result<Option<AutoStats>> {
+        let Some(list) = self.piloted() else {
             return Ok(None);
         };
+        let looked = self.sample(auto, queue, Look::First, list, source, order)?;
+        let steps = auto::steps_per_ray(&looked, auto.pilot.directions(Look::First), |s| s.traced_steps);
+        let rays = auto.pilot.rays(Look::Pilot, list);
+        let begun = auto::begin(steps, &auto.costs, &self.work(order), &auto.wanted, rays);
+        Ok(Some(AutoStats { iteration: order, ..begun }))
+    }
+
+    /// Lets a pilot decide how the gathers from `order` on draw their directions; `source` and its proxy are there. Waits for
+    /// the device, once per light.
+    fn decide(
+        &self,
+        auto: &Auto,
+        queue: &mut Queue<'_>,
+        begun: AutoStats,
+        source: &Source,
+        order: u32,
+    ) -> Result<AutoStats> {
+        let list = self.piloted().expect("begun without cells");
+        let looked = self.sample(auto, queue, Look::Pilot, list, source, order)?;
+        let found = auto::Found::of(&looked, auto.pilot.directions(Look::Pilot));
+        let words = (chunk_bytes(self.ctx) / (4 * u64::from(auto.chunk))) as u32;
+        let mut stats = auto::decide(begun, &found, &auto.costs, &self.work(order), &auto.wanted, words);
+        if let Some(pilot) = &mut stats.pilot {
+            (pilot.cells, pilot.rays) = (Pilot::cells(list), auto.pilot.rays(Look::Pilot, list));
+        }
+        Ok(stats)
+    }
+
+    /// The cells of the pilot: those that the eye sees, as long as it sees something.
+    fn piloted(&self) -> Option<&List> {
+        self.lists.iter().map(|l| &l.list).find(|list| Pilot::cells(list) > 0)
+    }
+
+    fn sample(
+        &self,
+        auto: &Auto,
+        queue: &mut Queue<'_>,
+        look: Look,
+        list: &List,
+        source: &Source,
+        order: u32,
+    ) -> Result<[Vec<PilotSample>; constants::PILOT_REPLICATES as usize]> {
         let mut rec = Recorder::new(self.ctx)?;
-        rec.begin_pass("pilot", order);
+        rec.begin_pass(if look == Look::First { "pilot.first" } else { "pilot" }, order);
         let proxy = self.proxy().expect("`auto` has a proxy");
-        auto.pilot.record(&mut rec, &self.data, &self.emptiness.image, list, proxy, source);
+        auto.pilot.record(&mut rec, look, &self.data, &self.emptiness.image, list, proxy, source);
         rec.end_pass();
         queue.submit(rec, 0.0, "multiple scattering")?;
-        let found = auto::Found::of(&auto.pilot.samples(self.ctx, list)?, auto.pilot.directions());
+        auto.pilot.samples(self.ctx, look, list)
+    }
+
+    /// What is left to be gathered, from `order` on.
+    fn work(&self, order: u32) -> auto::Work {
         let later = f64::from(self.orders - order);
-        let mut work = auto::Work { shares: 0.0, cells: 0.0, voxels: later * self.data.voxels() as f64 };
+        let mut work = auto::Work { shares: 0.0, cells: 0.0, voxels: self.data.voxels() as f64, later };
         for Shared { list, share } in &self.lists {
             let cells = list.items() as f64;
             let [inner, last] = self.shares(*share).map(f64::from);
             work.shares += cells * (later * inner + last);
             work.cells += cells * (later + if last > 0.0 { 1.0 } else { 0.0 });
         }
-        let words = (chunk_bytes(self.ctx) / (4 * u64::from(auto.chunk))) as u32;
-        let stats = auto::decide(&found, &auto.costs, &work, &auto.wanted, words);
-        Ok(Some(AutoStats { iteration: order, cells: Pilot::cells(list), ..stats }))
+        work
     }
 
     /// What scatters light in `cells`.
@@ -942,9 +989,9 @@ impl<'a> Renderer<'a> {
     fn orders_with_proxy(&self) -> RangeInclusive<u32> {
         match (self.scatter.as_ref().and_then(|s| s.auto.as_ref()), &self.decision) {
             (None, _) => 2..=self.orders,
-            (Some(_), None) => RangeInclusive::new(1, 0),
             (Some(_), Some(auto)) if auto.sampling == Sampling::Residual => auto.iteration..=self.orders,
-            (Some(_), Some(auto)) => auto.iteration..=auto.iteration,
+            (Some(_), Some(auto)) if auto.pilot.is_some() => auto.iteration..=auto.iteration,
+            (Some(_), _) => RangeInclusive::new(1, 0),
         }
     }
 
