@@ -3,6 +3,8 @@
 // not its centre's value: where the medium is dense, most light comes from between the centres, and from where only a
 // neighbour has extinction.
 // Grid: one invocation per block, 4 x 4 x 4 workgroups.
+#extension GL_GOOGLE_include_directive : require
+#include "include/constants.glsl"
 layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
 // Blocks of 2^LEVEL voxels along their edge, made from those of the level before.
@@ -16,6 +18,8 @@ layout(set = 0, binding = 1) uniform sampler3D before;
 layout(set = 0, binding = 2, r32ui) writeonly uniform uimage3D values;
 // Rgb = source function, from level 1 on times extinction, so that it can be interpolated; a = extinction.
 layout(set = 0, binding = 3, rgba16f) writeonly uniform image3D means;
+// By macrocells: 0 where the source may have extinction, for a sample within the cell.
+layout(set = 0, binding = 4) uniform usampler3D emptiness;
 
 // Product and extinction.
 vec4 product(vec4 f) {
@@ -27,9 +31,13 @@ void main() {
     if (any(greaterThanEqual(block, imageSize(means)))) {
         return;
     }
+    // Most of a volume is empty. Macrocells are workgroups of level 0, so that all invocations of one agree; and a loop of no
+    // iterations is skipped where a branch may not be (lavapipe).
+    bool is_empty = LEVEL == 0u && texelFetch(emptiness, block / int(SKIP_SIZE), 0).r != 0u;
+    uint octants = is_empty ? 0u : 8u;
     vec4 sum = vec4(0.0);
     float parts = 0.0;
-    for (uint k = 0u; k < 8u; k++) {
+    for (uint k = 0u; k < octants; k++) {
         ivec3 part = 2 * block + ivec3(k & 1u, k >> 1u & 1u, k >> 2u);
         if (LEVEL == 0u) {
             // The middle of one of the voxel's octants.
@@ -40,7 +48,7 @@ void main() {
             parts += 1.0;
         }
     }
-    vec4 mean = sum / parts;
+    vec4 mean = sum / max(parts, 1.0);
     vec3 light = mean.a > 0.0 ? mean.rgb / mean.a : vec3(0.0);
     if (HAS_VALUES) {
         imageStore(values, block, uvec4(packHalf2x16(vec2(dot(light, vec3(1.0 / 3.0)), mean.a))));

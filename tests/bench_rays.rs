@@ -63,7 +63,7 @@ impl World {
         let (cubes, mips) = (Cubes::new(ctx, dims).unwrap(), Mips::new(ctx, dims).unwrap());
         let mut rec = Recorder::new(ctx).unwrap();
         cubes.record(&mut rec, &ids);
-        mips.record(&mut rec, &source);
+        mips.record(&mut rec, &source, &setup.emptiness.image);
         rec.submit_and_wait().unwrap();
         let bucket_light = ctx.upload("bucket light", &words).unwrap();
         Self { setup, cells, source, ids, bucket_light, light: Texture::new(dims, light), cubes, mips }

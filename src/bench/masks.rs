@@ -92,7 +92,7 @@ pub fn run(ctx: &Context, scene: Scene, config: &Config, progress: &mut dyn FnMu
     let mips = Mips::means_of_voxels(ctx, dims)?;
     let mut rec = Recorder::new(ctx)?;
     let args = lit.node_args(ctx, &mut rec)?;
-    mips.record(&mut rec, &lit.source);
+    mips.record(&mut rec, &lit.source, &lit.emptiness.image);
     rec.submit_and_wait()?;
     let means = &mips.means[0];
 

@@ -191,7 +191,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     let octree = Cubes::new(ctx, occupied.image.extent())?;
     let octree_ms = build(&|rec| octree.record(rec, occupied.image))? + occupied.ms;
     let mips = Mips::new(ctx, dims)?;
-    let mips_ms = build(&|rec| mips.record(rec, &lit.source))?;
+    let mips_ms = build(&|rec| mips.record(rec, &lit.source, &lit.emptiness.image))?;
     let mut proxies = Vec::new();
     for (of, bits) in [(&lit.source, 4u32), (&mips.means[0], 4), (&mips.means[0], 8)] {
         let mask = Mask::Channels([(0xFFu32 << (8 - bits)) as u8; 4]);

@@ -40,9 +40,10 @@ impl Mips {
         })
     }
 
-    /// Takes the means of `source`: rgb = source function, a = extinction. Ordered after all compute accesses before;
+    /// Takes the means of `source`: rgb = source function, a = extinction. `emptiness`: of macrocells of
+    /// [`SKIP_SIZE`](shaders::constants::SKIP_SIZE) voxels, nonzero where the source has no extinction. Ordered after all compute accesses before;
     /// ends with all images written by compute.
-    pub fn record(&self, rec: &mut Recorder, source: &Image) {
+    pub fn record(&self, rec: &mut Recorder, source: &Image, emptiness: &Image) {
         for level in 0..self.levels.len() {
             let (values, means) = (&self.values[level], &self.means[level]);
             let before = match level {
@@ -50,7 +51,12 @@ impl Mips {
                 _ => self.means[level - 1].sampled(Filter::Nearest),
             };
             order_compute(rec);
-            let binds = [("before", before), ("values", values.storage()), ("means", means.storage())];
+            let binds = [
+                ("before", before),
+                ("values", values.storage()),
+                ("means", means.storage()),
+                ("emptiness", emptiness.sampled(Filter::Nearest)),
+            ];
             rec.dispatch(&self.levels[level], &binds, &(), means.extent().map(|d| d.div_ceil(4)));
         }
     }

@@ -693,7 +693,7 @@ impl<'a> Renderer<'a> {
                 let mut rec = Recorder::new(ctx)?;
                 if let Some((proxy, mips)) = scatter.proxy.as_ref().filter(|_| needs_proxy) {
                     rec.begin_pass("proxy.means", order);
-                    mips.record(&mut rec, &source.unwrap_or(&scatter.source).a);
+                    mips.record(&mut rec, &source.unwrap_or(&scatter.source).a, &self.emptiness.image);
                     rec.end_pass();
                     proxy.record(&mut rec, data, encoded, encoded_args, &mips.means[0], order);
                     let at = (constants::PROXY_WORDS * (order - 1)) as usize;
