@@ -1,5 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 // Compress 1: runs of equal hash along the linear voxel order -> (hash, base) per run, and every voxel's run. Hashing,
 // head flags, scan and writing in one pass: no flag array in memory (the paper's hash and first compression steps).
 // Grid: one workgroup per tile of WORKGROUP * ROWS voxels, any shape, tiles by take_tile.
@@ -29,8 +30,8 @@ layout(push_constant, scalar) uniform CompressRunsPush {
 // Numbers of levels of the channels.
 uvec4 levels;
 
-uint color_at(uint voxel) {
-    return texelFetch(color, voxel_from_linear(voxel), 0).r;
+uint hash_at(uint voxel) {
+    return hash_color(texelFetch(color, voxel_from_linear(voxel), 0).r, levels);
 }
 
 // 1 where a run begins.
@@ -38,12 +39,7 @@ uint tile_item(uint voxel) {
     if (voxel >= count) {
         return 0u;
     }
-    if (voxel == 0u) {
-        return 1u;
-    }
-    uint here = color_at(voxel);
-    uint before = color_at(voxel - 1u);
-    return here != before && hash_color(here, levels) != hash_color(before, levels) ? 1u : 0u;
+    return voxel == 0u || hash_at(voxel) != hash_at(voxel - 1u) ? 1u : 0u;
 }
 
 void main() {
@@ -58,10 +54,19 @@ void main() {
         proxy_control[PROXY_LEVELS + 2u],
         proxy_control[PROXY_LEVELS + 3u]
     );
+    // Every voxel is hashed once: the one before is the neighbouring lane's, or the last lane's of the row before.
+    uint hashes[ROWS];
     uint is_head[ROWS];
     uint before[ROWS];
+    uint first = item_index(tile, 0u) - gl_SubgroupInvocationID;
+    uint last = hash_at(clamp(first, 1u, count) - 1u);
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {
-        is_head[row] = tile_item(item_index(tile, row));
+        uint voxel = item_index(tile, row);
+        hashes[row] = hash_at(min(voxel, count - 1u));
+        uint left = subgroupShuffle(hashes[row], max(gl_SubgroupInvocationID, 1u) - 1u);
+        left = gl_SubgroupInvocationID == 0u ? last : left;
+        last = subgroupBroadcast(hashes[row], gl_SubgroupSize - 1u);
+        is_head[row] = voxel < count && (voxel == 0u || hashes[row] != left) ? 1u : 0u;
         before[row] = is_head[row];
     }
     TileScan scan = scan_tile(tile, exclusive_rows(before));
@@ -74,7 +79,7 @@ void main() {
             uint run = scan.before + before[row] + is_head[row] - 1u;
             imageStore(bucket_id, voxel_from_linear(voxel), uvec4(run));
             if (is_head[row] != 0u && run < capacity) {
-                run_hash[run] = hash_color(color_at(voxel), levels);
+                run_hash[run] = hashes[row];
                 run_base[run] = voxel;
                 run_number[run] = run;
             }
