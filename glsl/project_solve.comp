@@ -1,4 +1,5 @@
 #version 460
+#extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 // Solve: one step towards the values u at the nodes (cell.glsl) for which σ Σ_j v_j u_j is the σ_s L that was sampled, in the
 // least-squares sense with weight 1/σ (v_j: the nodes' hat functions). The normal equations are
@@ -50,12 +51,18 @@ void main() {
     // Row i of M times u, and times 1.
     vec3 product = vec3(0.0);
     float row = 0.0;
-    for (uint neighbour = 0u; neighbour < 8u; neighbour++) {
+    // The eight cells about the node share its 27 neighbours, which are read once: unrolled, all of them are registers.
+    vec4 nodes[27];
+    [[unroll]] for (uint k = 0u; k < 27u; k++) {
+        ivec3 at = node + ivec3(k % 3u, k / 3u % 3u, k / 9u) - 1;
+        nodes[k] = texelFetch(before, clamp(at, ivec3(0), ivec3(scene.light_dims) - 1), 0);
+    }
+    [[unroll]] for (uint neighbour = 0u; neighbour < 8u; neighbour++) {
         Cell cell = make_cell(node + ivec3(upper_bits(neighbour)));
         vec4 at[8];
-        for (uint corner = 0u; corner < 8u; corner++) {
-            ivec3 corner_at = clamp(corner_node(cell, corner), ivec3(0), ivec3(scene.light_dims) - 1);
-            at[corner] = texelFetch(before, corner_at, 0);
+        [[unroll]] for (uint corner = 0u; corner < 8u; corner++) {
+            uvec3 of = uvec3(upper_bits(neighbour)) + uvec3(upper_bits(corner));
+            at[corner] = nodes[of.x + 3u * of.y + 9u * of.z];
         }
         // From corners to points, one axis after another: the points form a grid.
         vec3 low = upper_weight(cell, point_place(cell, 0u));
