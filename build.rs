@@ -163,6 +163,8 @@ fn shader(
         options.set_warnings_as_errors();
         options.add_macro_definition("STORED_FORMAT", Some(version.stored_format));
         options.add_macro_definition("SUM_FORMAT", Some(version.sum_format));
+        let is_half = version.stored_format.ends_with("16f");
+        options.add_macro_definition("STORED_HALF", Some(if is_half { "1" } else { "0" }));
         options.add_macro_definition("STORED_GREY", Some(if version.is_grey { "1" } else { "0" }));
         if level == shaderc::OptimizationLevel::Zero {
             options.set_generate_debug_info();

@@ -30,6 +30,8 @@ layout(constant_id = 9) const bool DIRECTED = false;
 
 // rgb = light for this eye, or A; a = extinction.
 layout(set = 0, binding = 5) uniform sampler3D total;
+// a = extinction; the rest is for those who read nothing else.
+layout(set = 0, binding = 12) uniform sampler3D extinction;
 // rgb = B by component.
 layout(set = 0, binding = 9) uniform sampler3D total_x;
 layout(set = 0, binding = 10) uniform sampler3D total_y;
@@ -62,16 +64,16 @@ vec3 albedo_at(vec3 p) {
     ivec3 low = ivec3(floor(corner));
     vec3 f = corner - vec3(low);
     vec3 scattering = vec3(0.0);
-    float extinction = 0.0;
+    float sum = 0.0;
     for (uint n = 0u; n < 8u; n++) {
         ivec3 offset = ivec3(n & 1u, n >> 1u & 1u, n >> 2u);
         vec3 w = mix(1.0 - f, f, equal(offset, ivec3(1)));
         ivec3 voxel = clamp(low + offset, ivec3(0), ivec3(scene.dims) - 1);
         Material m = classify(texelFetch(scalar, voxel, 0).r);
         scattering += (w.x * w.y * w.z * m.extinction) * albedo_of(m);
-        extinction += w.x * w.y * w.z * m.extinction;
+        sum += w.x * w.y * w.z * m.extinction;
     }
-    return extinction > 0.0 ? scattering / extinction : vec3(0.0);
+    return sum > 0.0 ? scattering / sum : vec3(0.0);
 }
 
 // Radiance that delta lights send towards the eye by one scattering at `p`, times `seen`.
@@ -83,7 +85,7 @@ vec3 lit_radiance(vec3 p, vec3 to_eye, float seen, uint key) {
     for (uint i = 0u; i < lights_per_sample; i++) {
         uint l = (first + i * light_count / lights_per_sample) % light_count;
         LightArrival light = light_at(lights[l], world);
-        float t = transmittance(total, make_ray(p, -light.travel, light_step), light.reach);
+        float t = transmittance(extinction, make_ray(p, -light.travel, light_step), light.reach);
         sum += light.irradiance * (t * phase_hg(scene.g, dot(light.travel, to_eye)));
     }
     return albedo_at(p) * sum * (seen * float(light_count) / float(lights_per_sample));
@@ -154,7 +156,7 @@ void main() {
         while (t < ray.end && before < target) {
             stride = min(stride, ray.end - t);
             vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
-            float sigma = textureLod(total, p / vec3(scene.dims), 0.0).a * scene.max_extinction;
+            float sigma = textureLod(extinction, p / vec3(scene.dims), 0.0).a * scene.max_extinction;
             float after = before + sigma * stride;
             // Where the depth meets the target within the step.
             at = t + (after >= target && sigma > 0.0 ? min(stride, (target - before) / sigma) : stride);

@@ -3,7 +3,7 @@
 // Classify: scalar -> extinction and order-0 source (DESIGN section 2, "classify"; pre-classification).
 // Grid: one invocation per voxel, 8 x 8 x 1 workgroups over the volume.
 // `field` gets a = extinction, rgb = nothing, the emitted source, or the colour as the emission-absorption model emits
-// it, in the units of scene.glsl.
+// it, in the units of scene.glsl. `extinction_alone` gets the same extinction, for rays that read nothing else.
 #include "include/scene.glsl"
 #include "include/transfer.glsl"
 #include "include/stored.glsl"
@@ -11,9 +11,12 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(constant_id = 0) const uint EMITTED = EMITTED_NOTHING;
+// `extinction_alone` is as large as the volume.
+layout(constant_id = 1) const bool ALONE = false;
 
 layout(set = 0, binding = 2) uniform sampler3D scalar;
 layout(set = 0, binding = 3, STORED_FORMAT) writeonly uniform image3D field;
+layout(set = 0, binding = 4, r32f) writeonly uniform image3D extinction_alone;
 
 void main() {
     uvec3 voxel = gl_GlobalInvocationID;
@@ -28,5 +31,9 @@ void main() {
     } else if (EMITTED == EMITTED_EMISSION) {
         source = (1.0 - albedo_of(m)) * m.emission;
     }
-    imageStore(field, ivec3(voxel), to_stored(min(source * extinction * scene.radiance_scale, MAX_HALF), extinction));
+    vec4 texel = to_stored(min(source * extinction * scene.radiance_scale, MAX_HALF), extinction);
+    imageStore(field, ivec3(voxel), texel);
+    if (ALONE) {
+        imageStore(extinction_alone, ivec3(voxel), from_stored(texel).aaaa);
+    }
 }

@@ -6,7 +6,7 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use bodies::{Setup, assert_close, cases, image, scene_of, scenes, sky, texture};
+use bodies::{Setup, assert_close, cases, image, image_of, scene_of, scenes, sky, texture};
 use common::gpu_test;
 use glam::{DVec3, Vec3, Vec4};
 use tyndall::cpu;
@@ -15,7 +15,7 @@ use tyndall::passes::camera::{Camera, Content};
 use tyndall::passes::project::Source;
 use tyndall::scene::camera::{self, look_at};
 use tyndall::scene::{Background, Environment, Light, LightFor, Model, Scene};
-use tyndall::vk::{Context, Recorder};
+use tyndall::vk::{Context, ImageFormat, Recorder};
 use tyndall::volume::Grid;
 
 /// Both read the same half floats and compute in single precision. Rays are cut at a transmittance of 1e-3, and
@@ -40,6 +40,8 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
     let texels = light.texels.iter().zip(&field.texels).map(|(l, f)| (l.truncate() * f.w * 500.0).extend(f.w));
     let total_image = image(ctx, "total", &Texture::new(p.dims, texels.collect()));
     let total = texture(ctx, &total_image);
+    // Where nothing else can be read.
+    let extinction = image_of(ctx, "extinction", ImageFormat::Alpha32Float, &total, |f| f.w);
 
     let is_lit = scene.settings.model == Model::Single;
     let is_directed = scene.settings.light_for == LightFor::EveryView;
@@ -58,7 +60,7 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
         for begin in (0..p.size[1]).step_by(3) {
             let rows = begin..p.size[1].min(begin + 3);
             let (emptiness, emitted) = (&setup.emptiness.image, &setup.field);
-            pass.record(&mut rec, &setup.data, emptiness, &source, emitted, &picture, sample, rows);
+            pass.record(&mut rec, &setup.data, emptiness, &source, &extinction, emitted, &picture, sample, rows);
         }
     }
     rec.submit_and_wait().unwrap();

@@ -6,12 +6,11 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 
-use bodies::{assert_close, image, random_light, texture};
+use bodies::{assert_close, image, image_of, random_light, texture};
 use bytemuck::Zeroable;
 use common::gpu_test;
 use glam::Vec4;
 use half::f16;
-use std::ops::Range;
 use tyndall::abi::SceneParams;
 use tyndall::cpu;
 use tyndall::cpu::texture::Texture;
@@ -26,13 +25,13 @@ const ROUNDING: f32 = 3e-3;
 fn emptiness(ctx: &Context, source: &Texture<Vec4>) -> Image {
     let params = SceneParams { dims: source.dims.to_array(), ..SceneParams::zeroed() };
     let occupied = cpu::emptiness::occupancy(&params, source, constants::SKIP_SIZE);
-    let image = ctx.image_3d("emptiness", occupied.dims.to_array(), ImageFormat::R32Uint).unwrap();
-    let layer = (occupied.dims.x * occupied.dims.y) as usize;
-    let word = |&is_occupied: &bool| if is_occupied { 0 } else { 0x1111_1111u32 };
-    let layers =
-        |z: Range<u32>| occupied.texels[z.start as usize * layer..z.end as usize * layer].iter().map(word).collect();
-    ctx.upload_image(&image, layers).unwrap();
-    image
+    image_of(
+        ctx,
+        "emptiness",
+        ImageFormat::R32Uint,
+        &occupied,
+        |&is_occupied| if is_occupied { 0 } else { 0x1111_1111u32 },
+    )
 }
 
 #[test]

@@ -3,9 +3,14 @@
 #ifndef STORED_GLSL
 #define STORED_GLSL
 
-// What imageStore takes.
+// What imageStore takes. Devices may cut what does not fit into half floats (lavapipe does), which makes all light darker: it
+// is rounded before.
 vec4 to_stored(vec3 light, float extinction) {
-    return STORED_GREY == 1 ? vec4(light.r, extinction, 0.0, 0.0) : vec4(light, extinction);
+    vec4 texel = STORED_GREY == 1 ? vec4(light.r, extinction, 0.0, 0.0) : vec4(light, extinction);
+    if (STORED_HALF == 1) {
+        texel = vec4(unpackHalf2x16(packHalf2x16(texel.xy)), unpackHalf2x16(packHalf2x16(texel.zw)));
+    }
+    return texel;
 }
 
 // What imageLoad gave.

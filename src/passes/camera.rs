@@ -13,6 +13,7 @@ use crate::{Error, Result};
 pub struct Camera {
     pipeline: Pipeline,
     step: f32,
+    light_step: f32,
     samples: u32,
     lattice: [u32; 3],
     lights_per_sample: u32,
@@ -80,25 +81,34 @@ pub(super) fn behind(background: Background) -> u32 {
 impl Camera {
     /// Makes the pipeline. `content`: what there is to see.
     ///
-    /// Errors: rays of `step` voxels through the volume take more iterations than an invocation may run.
+    /// `steps`: of camera rays, and of those towards the lights, in voxels.
+    ///
+    /// Errors: such rays through the volume take more iterations than an invocation may run.
     pub fn new(
         ctx: &Context,
         scene: &SceneData,
         background: Background,
-        step: f32,
+        steps: [f32; 2],
         samples: u32,
         content: Content,
     ) -> Result<Self> {
-        let longest = ray_iterations(scene.params.dims, step);
-        // The camera ray, and where it is lit the ray again and one ray per light.
+        let [step, light_step] = steps;
+        let [longest, to_light] = steps.map(|step| ray_iterations(scene.params.dims, step));
         let is_scattering = content != Content::Local;
         let is_lit = is_scattering && scene.light_count > 0;
-        let fixed = longest * if is_lit { 2 } else { 1 };
-        let rays_left = (constants::MAX_ITERATIONS - constants::MAX_ITERATIONS / 10).saturating_sub(fixed) / longest;
+        // The camera ray, and where it is lit the ray again and one ray per light.
+        let budget = constants::MAX_ITERATIONS - constants::MAX_ITERATIONS / 10;
+        let left = budget.checked_sub(longest * if is_lit { 2 } else { 1 });
+        let rays_left = left.map_or(0, |left| if is_lit { left / to_light } else { 1 });
         if rays_left == 0 {
+            let (flag, step, most) = if is_lit && to_light > longest {
+                ("--gather-step", light_step, to_light)
+            } else {
+                ("--camera-step", step, longest)
+            };
             return Err(Error::input(
-                "--camera-step",
-                format!("{step} voxels make rays of {longest} steps, too many for {}", constants::MAX_ITERATIONS),
+                flag,
+                format!("{step} voxels make rays of {most} steps, too many for {}", constants::MAX_ITERATIONS),
                 "use longer steps",
             ));
         }
@@ -113,7 +123,7 @@ impl Camera {
             ("DIRECTED", (content == Content::Directed).into()),
         ];
         let pipeline = Pipeline::new(ctx, &shaders::CAMERA, &specialization)?;
-        Ok(Self { pipeline, step, samples, lattice: lattice(samples), lights_per_sample })
+        Ok(Self { pipeline, step, light_step, samples, lattice: lattice(samples), lights_per_sample })
     }
 
     /// An image for a picture of `size` pixels: linear RGB premultiplied by alpha.
@@ -121,8 +131,8 @@ impl Camera {
         ctx.image_2d("picture", size, ImageFormat::Rgba32Float)
     }
 
-    /// Adds sample `sample` of the pixels in rows `rows` to `picture`. `emitted`: the emitted source, anything where nothing
-    /// emits. Ordered after all compute accesses before.
+    /// Adds sample `sample` of the pixels in rows `rows` to `picture`. `extinction`: in its fourth component, as in
+    /// `total`. `emitted`: the emitted source, anything where nothing emits. Ordered after all compute accesses before.
     #[allow(clippy::too_many_arguments, reason = "resources and range of one dispatch")]
     pub fn record(
         &self,
@@ -130,6 +140,7 @@ impl Camera {
         scene: &SceneData,
         emptiness: &Image,
         total: &Source,
+        extinction: &Image,
         emitted: &Image,
         picture: &Image,
         sample: u32,
@@ -145,7 +156,7 @@ impl Camera {
             step_voxels: self.step,
             light_count: scene.light_count,
             lights_per_sample: self.lights_per_sample,
-            light_step: self.step,
+            light_step: self.light_step,
             y_stride,
             depth_stride,
             start_stride,
@@ -156,6 +167,7 @@ impl Camera {
             ("scalar", scene.scalar.sampled(Filter::Nearest)),
             ("lights", scene.lights.bind()),
             ("total", total.a.sampled(Filter::Linear)),
+            ("extinction", extinction.sampled(Filter::Linear)),
             ("total_x", total.b[0].sampled(Filter::Linear)),
             ("total_y", total.b[1].sampled(Filter::Linear)),
             ("total_z", total.b[2].sampled(Filter::Linear)),

@@ -4,7 +4,7 @@ use super::order_compute;
 use super::scene_data::SceneData;
 use crate::Result;
 use crate::shaders::{self, constants};
-use crate::vk::{Context, Filter, Image, Pipeline, Recorder};
+use crate::vk::{Context, Filter, Image, ImageFormat, Pipeline, Recorder};
 
 /// The source that classification writes beside the extinction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +20,9 @@ pub enum Emitted {
 /// The pass.
 pub struct Classify {
     pipeline: Pipeline,
+    /// A single texel where nothing is written to it.
+    extinction: Image,
+    is_alone: bool,
 }
 
 /// Workgroups of an 8 × 8 × 1 kernel over `dims` voxels.
@@ -30,17 +33,38 @@ pub(super) fn voxel_grid(dims: [u32; 3]) -> [u32; 3] {
 impl Classify {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, scene: &SceneData, emitted: Emitted) -> Result<Self> {
+        Self::with(ctx, scene, emitted, false)
+    }
+
+    /// The same for a pass that writes the extinction to an image of its own, too: rays that read nothing else have a fourth of
+    /// the bytes to fetch. Devices that cannot interpolate it do without.
+    pub fn with_extinction(ctx: &Context, scene: &SceneData, emitted: Emitted) -> Result<Self> {
+        Self::with(ctx, scene, emitted, ctx.stores_fields(ImageFormat::Alpha32Float))
+    }
+
+    fn with(ctx: &Context, scene: &SceneData, emitted: Emitted, is_alone: bool) -> Result<Self> {
         let emitted = match emitted {
             Emitted::Nothing => constants::EMITTED_NOTHING,
             Emitted::Emission => constants::EMITTED_EMISSION,
             Emitted::Color => constants::EMITTED_COLOR,
         };
         let kernel = scene.stored.version(shaders::CLASSIFY_VERSIONS);
-        Ok(Self { pipeline: Pipeline::new(ctx, kernel, &[("EMITTED", emitted)])? })
+        let specialization = [("EMITTED", emitted), ("ALONE", is_alone.into())];
+        let dims = if is_alone { scene.params.dims } else { [1; 3] };
+        Ok(Self {
+            pipeline: Pipeline::new(ctx, kernel, &specialization)?,
+            extinction: ctx.image_3d("extinction", dims, ImageFormat::Alpha32Float)?,
+            is_alone,
+        })
+    }
+
+    /// Where samplers find the extinction in their fourth component, once `field` was recorded.
+    pub fn extinction<'i>(&'i self, field: &'i Image) -> &'i Image {
+        if self.is_alone { &self.extinction } else { field }
     }
 
     /// Writes source and extinction of every voxel to `field`. Ordered after all compute accesses before; ends
-    /// with `field` written by compute.
+    /// with `field` and [`Self::extinction`] written by compute.
     pub fn record(&self, rec: &mut Recorder, scene: &SceneData, field: &Image) {
         order_compute(rec);
         rec.dispatch(
@@ -50,6 +74,7 @@ impl Classify {
                 ("transfer_block", scene.transfer.bind()),
                 ("scalar", scene.scalar.sampled(Filter::Nearest)),
                 ("field", field.storage()),
+                ("extinction_alone", self.extinction.storage()),
             ],
             &(),
             voxel_grid(scene.params.dims),

@@ -347,9 +347,13 @@ impl<'a> Renderer<'a> {
             environment_directions: s.environment_directions,
             samples: s.spp,
             mask: s.mask,
-            classify: Classify::new(ctx, &data, emitted)?,
+            classify: if orders > 0 {
+                Classify::with_extinction(ctx, &data, emitted)?
+            } else {
+                Classify::new(ctx, &data, emitted)?
+            },
             phong: if s.model == Model::Phong { Some(Phong::new(ctx, &data)?) } else { None },
-            camera: Camera::new(ctx, &data, scene.background, s.camera_step, s.spp, content)?,
+            camera: Camera::new(ctx, &data, scene.background, [s.camera_step, s.gather_step], s.spp, content)?,
             scatter,
             marks: Marks::new(ctx, blocks)?,
             see: if is_shared { Some(See::new(ctx)?) } else { None },
@@ -485,7 +489,7 @@ impl<'a> Renderer<'a> {
                 for rows in self.bands(size.map(|n| n * rays.per_pixel)) {
                     let mut rec = Recorder::new(self.ctx)?;
                     rec.begin_pass("see", 0);
-                    see.record(&mut rec, &self.data, &self.total.a, &self.emptiness.image, &self.marks, rows);
+                    see.record(&mut rec, &self.data, self.extinction(), &self.emptiness.image, &self.marks, rows);
                     rec.end_pass();
                     queue.submit(rec, 0.0, "classifying")?;
                 }
@@ -826,12 +830,17 @@ impl<'a> Renderer<'a> {
         work
     }
 
+    /// What rays read that need extinction alone.
+    fn extinction(&self) -> &Image {
+        self.classify.extinction(&self.total.a)
+    }
+
     /// What scatters light in `cells`.
     fn scattering<'s>(&'s self, scatter: &'s Scatter, cells: &'s Cells<'_>, kept: Kept) -> Scattering<'s> {
         Scattering {
             scene: &self.data,
             emptiness: &self.emptiness.image,
-            field: &self.total.a,
+            field: self.extinction(),
             projection: &scatter.projection,
             args: &cells.args,
             kept,
@@ -913,7 +922,8 @@ impl<'a> Renderer<'a> {
                 let mut rec = Recorder::new(self.ctx)?;
                 rec.begin_pass("camera", 0);
                 let (total, emitted, picture) = (&self.total, &self.emitted, &self.picture);
-                self.camera.record(&mut rec, &self.data, &self.emptiness.image, total, emitted, picture, sample, rows);
+                let (extinction, emptiness) = (self.extinction(), &self.emptiness.image);
+                self.camera.record(&mut rec, &self.data, emptiness, total, extinction, emitted, picture, sample, rows);
                 rec.end_pass();
                 queue.submit(rec, work, "camera")?;
             }

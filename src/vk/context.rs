@@ -517,7 +517,7 @@ fn probe(instance: &ash::Instance, device: vk::PhysicalDevice, needs: Needs) -> 
     let family = family.unwrap_or(0);
     // SAFETY: as above.
     let features = unsafe { instance.get_physical_device_features(device) };
-    let mut field_formats = vec![ImageFormat::Rgba16Float, ImageFormat::Rgba32Float];
+    let mut field_formats = vec![ImageFormat::Rgba16Float, ImageFormat::Rgba32Float, ImageFormat::Alpha32Float];
     if features.shader_storage_image_extended_formats == vk::TRUE {
         field_formats.extend([ImageFormat::GreyAlpha16Float, ImageFormat::GreyAlpha32Float]);
     }

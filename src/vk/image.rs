@@ -17,6 +17,8 @@ pub enum ImageFormat {
     R32Float,
     Rgba16Float,
     Rgba32Float,
+    /// One channel; samplers read (0, 0, 0, r).
+    Alpha32Float,
     /// Two channels; samplers read (r, r, r, g).
     GreyAlpha16Float,
     /// The same with 32 bits each.
@@ -27,7 +29,10 @@ impl ImageFormat {
     /// Bytes of a texel.
     pub fn bytes(self) -> u64 {
         match self {
-            ImageFormat::R32Uint | ImageFormat::R32Float | ImageFormat::GreyAlpha16Float => 4,
+            ImageFormat::R32Uint
+            | ImageFormat::R32Float
+            | ImageFormat::Alpha32Float
+            | ImageFormat::GreyAlpha16Float => 4,
             ImageFormat::Rgba16Float | ImageFormat::GreyAlpha32Float => 8,
             ImageFormat::Rgba32Float => 16,
         }
@@ -36,7 +41,7 @@ impl ImageFormat {
     pub(super) fn to_vk(self) -> vk::Format {
         match self {
             ImageFormat::R32Uint => vk::Format::R32_UINT,
-            ImageFormat::R32Float => vk::Format::R32_SFLOAT,
+            ImageFormat::R32Float | ImageFormat::Alpha32Float => vk::Format::R32_SFLOAT,
             ImageFormat::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             ImageFormat::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
             ImageFormat::GreyAlpha16Float => vk::Format::R16G16_SFLOAT,
@@ -49,6 +54,7 @@ impl ImageFormat {
         use vk::ComponentSwizzle as C;
         match self {
             ImageFormat::R32Float => Some(vk::ComponentMapping { r: C::R, g: C::R, b: C::R, a: C::ONE }),
+            ImageFormat::Alpha32Float => Some(vk::ComponentMapping { r: C::ZERO, g: C::ZERO, b: C::ZERO, a: C::R }),
             ImageFormat::GreyAlpha16Float | ImageFormat::GreyAlpha32Float => {
                 Some(vk::ComponentMapping { r: C::R, g: C::R, b: C::R, a: C::G })
             }

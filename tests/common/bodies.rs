@@ -4,6 +4,7 @@
 
 use super::common::validation;
 use super::data::Random;
+use bytemuck::Pod;
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use half::f16;
 use tyndall::abi::ScatterSample;
@@ -228,11 +229,21 @@ pub fn texture(ctx: &Context, image: &Image) -> Texture<Vec4> {
 
 /// An image of half floats with the given texels.
 pub fn image(ctx: &Context, name: &str, texels: &Texture<Vec4>) -> Image {
-    let image = ctx.image_3d(name, texels.dims.to_array(), ImageFormat::Rgba16Float).unwrap();
+    image_of(ctx, name, ImageFormat::Rgba16Float, texels, |t| t.to_array().map(f16::from_f32))
+}
+
+/// An image of another format; `stored`: what it has for a texel.
+pub fn image_of<T, P: Pod>(
+    ctx: &Context,
+    name: &str,
+    format: ImageFormat,
+    texels: &Texture<T>,
+    stored: impl Fn(&T) -> P,
+) -> Image {
+    let image = ctx.image_3d(name, texels.dims.to_array(), format).unwrap();
     let layer = (texels.dims.x * texels.dims.y) as usize;
-    let half = |t: &Vec4| t.to_array().map(f16::from_f32);
     let layers = |z: std::ops::Range<u32>| {
-        texels.texels[z.start as usize * layer..z.end as usize * layer].iter().map(half).collect()
+        texels.texels[z.start as usize * layer..z.end as usize * layer].iter().map(&stored).collect()
     };
     ctx.upload_image(&image, layers).unwrap();
     image
