@@ -85,7 +85,7 @@ vec3 lit_radiance(vec3 p, vec3 to_eye, float seen, uint key) {
     for (uint i = 0u; i < lights_per_sample; i++) {
         uint l = (first + i * light_count / lights_per_sample) % light_count;
         LightArrival light = light_at(lights[l], world);
-        float t = transmittance(extinction, make_ray(p, -light.travel, light_step), light.reach);
+        float t = transmittance(extinction, make_ray(p, -light.travel, float(STEP_SAMPLES) * light_step), light.reach);
         sum += light.irradiance * (t * phase_hg(scene.g, dot(light.travel, to_eye)));
     }
     return albedo_at(p) * sum * (seen * float(light_count) / float(lights_per_sample));
@@ -111,7 +111,7 @@ void main() {
         start = 1.0 - on_lattice(start_stride, random_float(key, 2u));
     }
     vec3 direction = eye_direction((vec2(pixel) + place) / vec2(scene.size));
-    Ray ray = make_eye_ray(direction, step_voxels);
+    Ray ray = make_eye_ray(direction, float(STEP_SAMPLES) * step_voxels);
     float through = 1.0;
     float depth = 0.0;
     vec3 radiance = vec3(0.0);
@@ -121,23 +121,40 @@ void main() {
     // The host keeps the steps of the longest ray within MAX_ITERATIONS.
     while (t < ray.end && through > LEAST_TRANSMITTANCE) {
         stride = min(stride, ray.end - t);
-        vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
-        float scale = scene.max_extinction * stride;
-        vec3 uvw = p / vec3(scene.dims);
-        vec4 f = textureLod(total, uvw, 0.0);
-        if (DIRECTED) {
-            f.rgb -= textureLod(total_x, uvw, 0.0).rgb * direction.x + textureLod(total_y, uvw, 0.0).rgb * direction.y
-                + textureLod(total_z, uvw, 0.0).rgb * direction.z;
+        float scale = scene.max_extinction * 0.5 * stride;
+        vec3 p;
+        vec4 found[2];
+        vec3 glow[2];
+        for (uint k = 0u; k < STEP_SAMPLES; k++) {
+            p = ray.origin + ray.direction * (t + GAUSS[k] * stride);
+            vec3 uvw = p / vec3(scene.dims);
+            vec4 f = textureLod(total, uvw, 0.0);
+            if (DIRECTED) {
+                f.rgb -= textureLod(total_x, uvw, 0.0).rgb * direction.x + textureLod(total_y, uvw, 0.0).rgb * direction.y
+                    + textureLod(total_z, uvw, 0.0).rgb * direction.z;
+            }
+            found[k] = f;
+            if (EMITS) {
+                glow[k] = textureLod(emitted, uvw, 0.0).rgb;
+            }
         }
-        float tau = f.a * scale;
-        float passed = exp(-tau);
-        vec3 source = PROJECTED ? f.a * f.rgb : f.rgb;
-        if (EMITS) {
-            source += textureLod(emitted, uvw, 0.0).rgb;
+        for (uint k = 0u; k < STEP_SAMPLES; k++) {
+            float tau = found[k].a * scale;
+            float passed = exp(-tau);
+            vec3 source = found[k].rgb;
+            if (PROJECTED) {
+                // The stored light runs straight through both samples, and is that of where the half is seen in the mean: in dense
+                // media at its near end.
+                float along = (0.5 * (float(k) + mean_place(tau, passed)) - GAUSS[0]) / (GAUSS[1] - GAUSS[0]);
+                source = found[k].a * mix(found[0].rgb, found[1].rgb, along);
+            }
+            if (EMITS) {
+                source += glow[k];
+            }
+            radiance += source * (through * scale * mean_transmittance(tau, passed));
+            through *= passed;
+            depth += tau;
         }
-        radiance += source * (through * scale * mean_transmittance(tau, passed));
-        through *= passed;
-        depth += tau;
         t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
         stride = ray.dt;
     }
@@ -150,20 +167,31 @@ void main() {
         float u = on_lattice(depth_stride, random_float(key, 3u));
         float target = optical_depth_of_opacity(u * opacity);
         float before = 0.0;
-        float at = 0.0;
+        // The step in which the depth meets the target, and which share of its depth that takes.
+        float begin = 0.0;
+        float part = 0.0;
+        float share = 0.0;
         t = 0.0;
         stride = start * ray.dt;
         while (t < ray.end && before < target) {
             stride = min(stride, ray.end - t);
-            vec3 p = ray.origin + ray.direction * (t + 0.5 * stride);
-            float sigma = textureLod(extinction, p / vec3(scene.dims), 0.0).a * scene.max_extinction;
-            float after = before + sigma * stride;
-            // Where the depth meets the target within the step.
-            at = t + (after >= target && sigma > 0.0 ? min(stride, (target - before) / sigma) : stride);
-            before = after;
+            vec3 p;
+            float sigma = 0.0;
+            for (uint k = 0u; k < STEP_SAMPLES; k++) {
+                p = ray.origin + ray.direction * (t + GAUSS[k] * stride);
+                sigma += textureLod(extinction, p / vec3(scene.dims), 0.0).a;
+            }
+            float tau = sigma * scene.max_extinction * 0.5 * stride;
+            if (tau > 0.0) {
+                begin = t;
+                part = stride;
+                share = min((target - before) / tau, 1.0);
+            }
+            before += tau;
             t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
             stride = ray.dt;
         }
+        float at = begin + part * place_of_depth(extinction, ray, begin, part, share);
         radiance += lit_radiance(ray.origin + ray.direction * at, -direction, opacity, key);
     }
     float alpha = 1.0;

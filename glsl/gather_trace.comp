@@ -82,7 +82,7 @@ void main() {
         vec3 towards = sampled_direction(aim, candidate, lattice, shift);
         vec3 radiance = vec3(0.0);
         if (weight > 0.0) {
-            Ray ray = make_ray(position_of(cell, place), towards, step_voxels);
+            Ray ray = make_ray(position_of(cell, place), towards, float(STEP_SAMPLES) * step_voxels);
             radiance = traced_radiance(ray, towards, light);
             if (SAMPLING == SAMPLING_RESIDUAL) {
                 radiance -= weights[slot * chunk_items + item];

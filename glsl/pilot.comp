@@ -72,7 +72,7 @@ void main() {
         uint point = point_of_sample(slot, flip);
         vec3 place = point_place(cell, point);
         vec3 towards = lattice_direction(slot, directions, shift);
-        vec3 radiance = traced_radiance(make_ray(position_of(cell, place), towards, step_voxels), towards, 0u);
+        vec3 radiance = traced_radiance(make_ray(position_of(cell, place), towards, float(STEP_SAMPLES) * step_voxels), towards, 0u);
         float energy = 0.0;
         if (PROXY) {
             energy = estimated_energy(make_ray(position_of(cell, vec3(0.5)), towards, proxy_step_voxels));

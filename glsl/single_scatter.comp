@@ -53,7 +53,7 @@ void main() {
         vec3 place = point_place(cell, point);
         vec3 position = position_of(cell, place);
         LightArrival light = light_at(lights[l], world_from_index(position));
-        float t = transmittance(field, make_ray(position, -light.travel, step_voxels), light.reach);
+        float t = transmittance(field, make_ray(position, -light.travel, float(STEP_SAMPLES) * step_voxels), light.reach);
         float weight = t * scene.radiance_scale / (4.0 * PI * float(LIGHT_POINTS));
         vec3 scattered = scattering_at(scattering, cell, point) * light.irradiance * weight;
         samples[slot] = ScatterSample(scattered, light.travel, point);
@@ -65,7 +65,7 @@ void main() {
             uint point = point_of_sample(i, flip);
             vec3 place = point_place(cell, point);
             EnvironmentSample s = sample_environment(i, environment_directions, shift);
-            Ray ray = make_ray(position_of(cell, place), s.direction, step_voxels);
+            Ray ray = make_ray(position_of(cell, place), s.direction, float(STEP_SAMPLES) * step_voxels);
             float weight = transmittance(field, ray, 3.0e38) * s.weight * scene.radiance_scale / (4.0 * PI);
             vec3 scattered = scattering_at(scattering, cell, point) * s.radiance * weight;
             samples[slot] = ScatterSample(scattered, -s.direction, point);

@@ -53,7 +53,7 @@ fn check_within(ctx: &Context, name: &str, scene: &Scene, samples: u32, toleranc
     let b_images = [22, 23, 24].map(|seed| image(ctx, "b", &bodies::random_light(p.dims, seed, -200.0, 200.0)));
     let b = b_images.each_ref().map(|b| texture(ctx, b));
     let source = Source { a: total_image, b: b_images };
-    let pass = Camera::new(ctx, &setup.data, scene.background, STEP, samples, content).unwrap();
+    let pass = Camera::new(ctx, &setup.data, scene.background, [STEP; 2], samples, content).unwrap();
     let picture = Camera::picture(ctx, p.size).unwrap();
     let mut rec = Recorder::new(ctx).unwrap();
     for sample in 0..samples {

@@ -45,7 +45,7 @@ const ALL_ORDERS: u32 = 16;
 const BOUNDS: [(&str, f64); 20] = [
     ("box, g 0", 0.6),
     ("box, g 0.75", 0.7),
-    ("slab in a beam, g 0", 0.8),
+    ("slab in a beam, g 0", 1.1),
     ("slab in a beam, g -0.5", 12.0),
     ("slab in a beam, g 0.5", 8.0),
     ("slab in a beam, g 0.75", 70.0),

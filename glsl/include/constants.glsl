@@ -124,6 +124,8 @@ const uint MAX_OCTANT = 15u;
 const uint OCTANT_BITS = 4u;
 // Length of the first step of a ray that starts in the medium, and by how much the next ones are longer, in whole steps.
 const float NEAR_STEP = 0.25;
+// Samples of a step where optical depths count, at Gauss's points (march.glsl).
+const uint STEP_SAMPLES = 2u;
 // Stands for NaN in the scalars: such voxels are empty.
 const float NO_VALUE = -3.4028235e38;
 

@@ -40,28 +40,32 @@ vec3 traced_radiance(Ray ray, vec3 towards, uint light) {
     Stepper at = first_step(ray);
     while (at.t < ray.end && through > LEAST_TRANSMITTANCE) {
         float stride = min(at.share * ray.dt, ray.end - at.t);
-        vec3 p = ray.origin + ray.direction * (at.t + 0.5 * stride);
-        vec3 uvw = p / vec3(scene.dims);
-        vec4 f = textureLod(source_a, uvw, 0.0);
-        vec3 source = f.rgb;
-        if (ANISOTROPIC) {
-            source -= textureLod(source_x, uvw, 0.0).rgb * towards.x + textureLod(source_y, uvw, 0.0).rgb * towards.y
-                + textureLod(source_z, uvw, 0.0).rgb * towards.z;
-        }
-        float tau = f.a * scene.max_extinction * stride;
-        float passed = exp(-tau);
-        float scale = SOURCE == SOURCE_EMITTED ? scene.max_extinction * stride : tau;
-        if (SOURCE == SOURCE_LIGHT) {
-            if (is_point_light(light)) {
-                scale *= 4.0 * PI * phase_hg(scene.g, dot(light_travel(light, p), -towards));
+        vec3 p;
+        for (uint k = 0u; k < STEP_SAMPLES; k++) {
+            p = ray.origin + ray.direction * (at.t + GAUSS[k] * stride);
+            vec3 uvw = p / vec3(scene.dims);
+            vec4 f = textureLod(source_a, uvw, 0.0);
+            vec3 source = f.rgb;
+            if (ANISOTROPIC) {
+                source -= textureLod(source_x, uvw, 0.0).rgb * towards.x + textureLod(source_y, uvw, 0.0).rgb * towards.y
+                    + textureLod(source_z, uvw, 0.0).rgb * towards.z;
             }
-        }
-        radiance += source * (through * scale * mean_transmittance(tau, passed));
-        through *= passed;
-        step_on(at, ray, p);
+            float part = scene.max_extinction * 0.5 * stride;
+            float tau = f.a * part;
+            float passed = exp(-tau);
+            float scale = SOURCE == SOURCE_EMITTED ? part : tau;
+            if (SOURCE == SOURCE_LIGHT) {
+                if (is_point_light(light)) {
+                    scale *= 4.0 * PI * phase_hg(scene.g, dot(light_travel(light, p), -towards));
+                }
+            }
+            radiance += source * (through * scale * mean_transmittance(tau, passed));
+            through *= passed;
 #ifdef COUNTED
-        traced_steps++;
+            traced_steps++;
 #endif
+        }
+        step_on(at, ray, p);
     }
     if (SKY) {
         radiance += through * scene.radiance_scale * scene.environment;

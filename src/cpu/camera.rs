@@ -2,13 +2,16 @@
 
 use super::classify::{albedo_of, classify, optical_depth_of_opacity};
 use super::delta_lights::light_at;
-use super::march::{LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_transmittance, transmittance};
+use super::march::{
+    GAUSS, LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_place, mean_transmittance, place_of_depth, transmittance,
+};
 use super::rng::{random_float, stream_key};
 use super::scene::{HostScene, eye_direction, index_from_world, world_from_index};
 use super::sphere::{fract, phase_hg};
 use super::texture::Texture;
 use crate::passes::camera::lattice;
 use crate::scene::Background;
+use crate::shaders::constants::STEP_SAMPLES;
 use glam::{Vec2, Vec3, Vec4};
 
 /// The camera's random-number stream.
@@ -81,27 +84,33 @@ impl Camera<'_> {
         let size = Vec2::new(s.size[0] as f32, s.size[1] as f32);
         let direction = eye_direction(s, (Vec2::new(pixel[0] as f32, pixel[1] as f32) + place) / size);
 
-        let ray = make_ray(s, index_from_world(s, s.eye.into()), direction, self.step_voxels);
+        let ray = make_ray(s, index_from_world(s, s.eye.into()), direction, STEP_SAMPLES as f32 * self.step_voxels);
         let first = start * ray.dt;
         let (mut through, mut depth, mut radiance) = (1.0f32, 0.0f32, Vec3::ZERO);
-        for Step { p, stride, .. } in ray.steps(first, f32::INFINITY) {
+        for step in ray.steps(first, f32::INFINITY) {
             if through <= LEAST_TRANSMITTANCE {
                 break;
             }
-            let f = self.content.total.sample(p);
-            let mut light = f.truncate();
-            for (axis, b) in self.content.b.into_iter().flatten().enumerate() {
-                light -= b.sample(p).truncate() * direction[axis];
+            let halves = ray.halves(step);
+            let found = halves.map(|Step { p, .. }| {
+                let f = self.content.total.sample(p);
+                let b = self.content.b.into_iter().flatten().enumerate();
+                let directed: Vec3 = b.map(|(axis, b)| b.sample(p).truncate() * direction[axis]).sum();
+                (f.truncate() - directed, f.w)
+            });
+            for (k, Step { p, stride, .. }) in halves.into_iter().enumerate() {
+                let (own, extinction) = found[k];
+                let scale = s.max_extinction * stride;
+                let tau = extinction * scale;
+                let along = (0.5 * (k as f32 + mean_place(tau)) - GAUSS[0]) / (GAUSS[1] - GAUSS[0]);
+                let source = match self.content.emitted {
+                    Some(emitted) => extinction * found[0].0.lerp(found[1].0, along) + emitted.sample(p).truncate(),
+                    None => own,
+                };
+                radiance += source * (through * scale * mean_transmittance(tau));
+                through *= (-tau).exp();
+                depth += tau;
             }
-            let scale = s.max_extinction * stride;
-            let tau = f.w * scale;
-            let source = match self.content.emitted {
-                Some(emitted) => f.w * light + emitted.sample(p).truncate(),
-                None => light,
-            };
-            radiance += source * (through * scale * mean_transmittance(tau));
-            through *= (-tau).exp();
-            depth += tau;
         }
         radiance = (radiance / s.radiance_scale).max(Vec3::ZERO);
         let opacity = -(-depth).exp_m1();
@@ -123,13 +132,17 @@ impl Camera<'_> {
     /// Distance along the ray to the optical depth `tau`.
     fn depth_of(&self, ray: Ray, first: f32, tau: f32) -> f32 {
         let (mut passed, mut at) = (0.0, ray.begin);
-        for Step { t, stride, p } in ray.steps(first, f32::INFINITY) {
+        for step in ray.steps(first, f32::INFINITY) {
             if passed >= tau {
                 break;
             }
-            let sigma = self.content.total.sample(p).w * self.scene.params.max_extinction;
-            at = if passed + sigma * stride >= tau { t + (tau - passed) / sigma } else { t + stride };
-            passed += sigma * stride;
+            let sigma: f32 = ray.halves(step).map(|half| self.content.total.sample(half.p).w).iter().sum();
+            let depth = 0.5 * sigma * self.scene.params.max_extinction * step.stride;
+            if depth > 0.0 {
+                let share = ((tau - passed) / depth).min(1.0);
+                at = step.t + step.stride * place_of_depth(self.content.total, ray, step, share);
+            }
+            passed += depth;
         }
         at
     }
@@ -144,7 +157,12 @@ impl Camera<'_> {
         for i in 0..visited {
             let light = &lights[((first + i * count / visited) % count) as usize];
             let light = light_at(s, light, world_from_index(s, p));
-            let t = transmittance(s, self.content.total, make_ray(s, p, -light.travel, self.step_voxels), light.reach);
+            let t = transmittance(
+                s,
+                self.content.total,
+                make_ray(s, p, -light.travel, STEP_SAMPLES as f32 * self.step_voxels),
+                light.reach,
+            );
             sum += light.irradiance * (t * phase_hg(s.g, light.travel.dot(to_eye)));
         }
         self.albedo_at(p) * sum * (count as f32 / visited as f32)

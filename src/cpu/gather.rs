@@ -8,7 +8,7 @@ use super::scene::{HostScene, direction_to_eye, world_from_index};
 use super::sphere::{lattice_direction, lattice_point, phase_hg, sample_hg};
 use super::texture::Texture;
 use crate::abi::{LightData, ScatterSample, SceneParams};
-use crate::shaders::constants::CELL_POINTS;
+use crate::shaders::constants::{CELL_POINTS, STEP_SAMPLES};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
@@ -220,8 +220,10 @@ pub enum Carried<'a> {
 /// without the phase function.
 pub fn traced_radiance(scene: &SceneParams, carried: Carried<'_>, ray: Ray, towards: Vec3) -> Vec3 {
     let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
-    for Step { p, stride, .. } in ray.near_steps(f32::INFINITY) {
-        if through <= LEAST_TRANSMITTANCE {
+    let mut steps = ray.near_steps(f32::INFINITY).flat_map(|step| ray.halves(step)).enumerate();
+    while let Some((half, Step { p, stride, .. })) = steps.next() {
+        // A step is taken whole.
+        if half % 2 == 0 && through <= LEAST_TRANSMITTANCE {
             break;
         }
         let (f, source) = match carried {
@@ -280,7 +282,7 @@ pub fn gather_trace(
                 }
                 _ => aim.direction(choice.candidate, lattice, shift),
             };
-            let ray = make_ray(s, cell.position(point), towards, step_voxels);
+            let ray = make_ray(s, cell.position(point), towards, STEP_SAMPLES as f32 * step_voxels);
             let radiance = traced_radiance(s, carried, ray, towards);
             let weight = choice.weight * aim.weight(lattice, towards);
             let light = (radiance - choice.less) * cell.scattering(scene, point) * weight;

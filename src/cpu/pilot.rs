@@ -8,7 +8,7 @@ use super::scene::HostScene;
 use super::sphere::lattice_direction;
 use super::texture::Texture;
 use crate::abi::PilotSample;
-use crate::shaders::constants::{CELL_POINTS, PILOT_STREAM};
+use crate::shaders::constants::{CELL_POINTS, PILOT_STREAM, STEP_SAMPLES};
 use glam::{Vec2, Vec3};
 
 /// The cells that the pilot draws from a list.
@@ -41,7 +41,7 @@ pub fn pilot(
         for slot in 0..directions {
             let point = point_of_sample(slot, flip);
             let towards = lattice_direction(slot, directions, shift);
-            let ray = make_ray(s, cell.position(point), towards, step_voxels);
+            let ray = make_ray(s, cell.position(point), towards, STEP_SAMPLES as f32 * step_voxels);
             let radiance = traced_radiance(s, carried, ray, towards);
             let energy = proxy_energy(s, light, sky, cell.middle(), towards, proxy_step_voxels);
             let scattered = cell.scattering(scene, point) / directions as f32;

@@ -7,7 +7,7 @@ use super::rng::{random_float, stream_key};
 use super::scene::{HostScene, world_from_index};
 use super::texture::Texture;
 use crate::abi::ScatterSample;
-use crate::shaders::constants::{CELL_POINTS, LIGHT_POINTS};
+use crate::shaders::constants::{CELL_POINTS, LIGHT_POINTS, STEP_SAMPLES};
 use glam::{Vec3, Vec4};
 use std::f32::consts::PI;
 
@@ -23,7 +23,12 @@ pub fn single_scatter(
     let key = |index: u32| stream_key(index, 1, s.seed_low, s.seed_high);
     let flip = |index: u32| (random_float(key(index), 2) * CELL_POINTS as f32) as u32;
     let sample = |cell: &Cell, point: u32, travel: Vec3, reach: f32, light: Vec3| {
-        let t = transmittance(s, field, make_ray(s, cell.position(point), -travel, step_voxels), reach);
+        let t = transmittance(
+            s,
+            field,
+            make_ray(s, cell.position(point), -travel, STEP_SAMPLES as f32 * step_voxels),
+            reach,
+        );
         let light = cell.scattering(scene, point) * light * (t * s.radiance_scale / (4.0 * PI));
         ScatterSample { light: light.into(), travel: travel.into(), point }
     };

@@ -81,7 +81,7 @@ pub(super) fn behind(background: Background) -> u32 {
 impl Camera {
     /// Makes the pipeline. `content`: what there is to see.
     ///
-    /// `steps`: of camera rays, and of those towards the lights, in voxels.
+    /// `steps`: distance between samples of camera rays, and of those towards the lights, in voxels.
     ///
     /// Errors: such rays through the volume take more iterations than an invocation may run.
     pub fn new(

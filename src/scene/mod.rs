@@ -237,9 +237,9 @@ pub struct Settings {
     pub hidden_share: f32,
     /// Which eye light is computed for. For every view no cell is hidden, but for those that none of [`Scene::views`] sees.
     pub light_for: LightFor,
-    /// Step of camera rays in voxels.
+    /// Distance between samples of camera rays in voxels: half a step (`include/march.glsl`).
     pub camera_step: f32,
-    /// Step of gather and shadow rays in voxels.
+    /// The same of gather and shadow rays.
     pub gather_step: f32,
     /// Step of proxy rays in voxels.
     pub proxy_step: f32,

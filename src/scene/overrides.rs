@@ -85,10 +85,10 @@ pub struct Overrides {
     /// [default: view, of a turntable every-view]
     #[arg(long, value_name = "EYE", help_heading = "Method")]
     pub light_for: Option<LightFor>,
-    /// Step of camera rays in voxels, 0.1 to 8 [default: 0.5]
+    /// Distance between samples of camera rays in voxels, 0.1 to 8 [default: 0.5]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
     pub camera_step: Option<f64>,
-    /// Step of gather and shadow rays in voxels, 0.1 to 8 [default: 1]
+    /// Distance between samples of gather and shadow rays in voxels, 0.1 to 8 [default: 1]
     #[arg(long, value_name = "VOXELS", help_heading = "Method")]
     pub gather_step: Option<f64>,
     /// Step of proxy rays in voxels, 0.1 to 8 [default: 2]
