@@ -45,7 +45,7 @@ Stepper first_step(Ray ray) {
     return Stepper(ray.begin, NEAR_STEP);
 }
 
-// `p`: the middle of the step.
+// `p`: where the step's last sample is.
 void step_on(inout Stepper at, Ray ray, vec3 p) {
     // Only whole steps skip: so the steps are the same whatever is skipped.
     at.t += at.share < 1.0 ? at.share * ray.dt : steps_ahead(ray, p) * ray.dt;

@@ -1,4 +1,4 @@
-// Rays in the data, in the steps of gather_trace.comp: structures differ in what they skip, not in what they find.
+// Rays in the data, in steps of one sample each: structures differ in what they skip, not in what they find.
 #ifndef EXACT_GLSL
 #define EXACT_GLSL
 #include "integral.glsl"
