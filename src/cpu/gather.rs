@@ -220,8 +220,8 @@ pub enum Carried<'a> {
 /// without the phase function.
 pub fn traced_radiance(scene: &SceneParams, carried: Carried<'_>, ray: Ray, towards: Vec3) -> Vec3 {
     let (mut through, mut radiance) = (1.0f32, Vec3::ZERO);
-    let mut steps = ray.near_steps(f32::INFINITY).flat_map(|step| ray.halves(step)).enumerate();
-    while let Some((half, Step { p, stride, .. })) = steps.next() {
+    let halves = ray.near_steps(f32::INFINITY).flat_map(|step| ray.halves(step)).enumerate();
+    for (half, Step { p, stride, .. }) in halves {
         // A step is taken whole.
         if half % 2 == 0 && through <= LEAST_TRANSMITTANCE {
             break;

@@ -53,7 +53,7 @@ pub struct Step {
 }
 
 /// Where Gauss's points are in a step.
-pub const GAUSS: [f32; STEP_SAMPLES as usize] = [0.211_324_87, 0.788_675_13];
+pub const GAUSS: [f32; STEP_SAMPLES as usize] = [0.211_324_87, 0.788_675_1];
 
 impl Ray {
     /// Every step before `limit`. The first one is `first` long.
