@@ -246,7 +246,8 @@ def report_multiple(multiple, results, path):
     """One picture's error against the mean of `path`, whose own noise is taken out, and what others take for as little."""
     brightness = path.mean.mean()
     squares = [((p - path.mean) ** 2 - path.variance_of_mean).mean() for p in multiple.pictures]
-    error2 = statistics.mean(squares)
+    # No error is below its own noise: where `path` is noisier than that, the estimate may be, and even below nothing.
+    error2 = max(statistics.mean(squares), multiple.mse)
     bias = (multiple.mean - path.mean).mean(axis=(0, 1)) / path.mean.mean(axis=(0, 1))
     later = multiple.cpu * statistics.median(multiple.renderer.shares)
     print(
