@@ -45,7 +45,7 @@ const ALL_ORDERS: u32 = 16;
 const BOUNDS: [(&str, f64); 20] = [
     ("box, g 0", 0.6),
     ("box, g 0.75", 0.7),
-    ("slab in a beam, g 0", 1.1),
+    ("slab in a beam, g 0", 0.8),
     ("slab in a beam, g -0.5", 12.0),
     ("slab in a beam, g 0.5", 8.0),
     ("slab in a beam, g 0.75", 70.0),
@@ -68,7 +68,7 @@ const BOUNDS: [(&str, f64); 20] = [
 /// The settings of a measurement: so many directions that little of the noise is left in a picture's mean.
 fn cached(mut scene: Scene) -> Scene {
     let s = &mut scene.settings;
-    (s.model, s.sampling, s.directions, s.environment_directions, s.spp) = (Model::Multiple, Sampling::Phase, 8, 32, 8);
+    (s.model, s.sampling, s.directions, s.environment_directions, s.spp) = (Model::Multiple, Sampling::Phase, 16, 32, 8);
     s.size = PENCIL;
     if s.orders == UNLIMITED {
         s.orders = ALL_ORDERS;
