@@ -123,8 +123,8 @@ void main() {
         stride = min(stride, ray.end - t);
         float scale = scene.max_extinction * 0.5 * stride;
         vec3 p;
-        vec4 found[2];
-        vec3 glow[2];
+        vec4 found[STEP_SAMPLES];
+        vec3 glow[STEP_SAMPLES];
         for (uint k = 0u; k < STEP_SAMPLES; k++) {
             p = ray.origin + ray.direction * (t + GAUSS[k] * stride);
             vec3 uvw = p / vec3(scene.dims);

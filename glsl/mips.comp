@@ -1,10 +1,11 @@
 #version 460
+#extension GL_GOOGLE_include_directive : require
 // Mips: means of source and extinction over voxels and blocks of voxels, for rays that need no detail. A voxel's mean is
 // not its centre's value: where the medium is dense, most light comes from between the centres, and from where only a
 // neighbour has extinction.
 // Grid: one invocation per block, 4 x 4 x 4 workgroups.
-#extension GL_GOOGLE_include_directive : require
 #include "include/constants.glsl"
+
 layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
 // Blocks of 2^LEVEL voxels along their edge, made from those of the level before.

@@ -68,7 +68,8 @@ const BOUNDS: [(&str, f64); 20] = [
 /// The settings of a measurement: so many directions that little of the noise is left in a picture's mean.
 fn cached(mut scene: Scene) -> Scene {
     let s = &mut scene.settings;
-    (s.model, s.sampling, s.directions, s.environment_directions, s.spp) = (Model::Multiple, Sampling::Phase, 16, 32, 8);
+    (s.model, s.sampling, s.directions, s.environment_directions, s.spp) =
+        (Model::Multiple, Sampling::Phase, 16, 32, 8);
     s.size = PENCIL;
     if s.orders == UNLIMITED {
         s.orders = ALL_ORDERS;

@@ -67,9 +67,10 @@ float opacity_of_depth(float tau) {
     return tau < 0.02 ? tau * (1.0 - tau * (0.5 - tau * (1.0 / 6.0 - tau * (1.0 / 24.0)))) : 1.0 - exp(-tau);
 }
 
+const uint PARTS = 6u;
+
 // Where in a step of `ray` its optical depth is `share` of the whole step's, from 0 to 1: by finer parts, for with one extinction
 // in all of a step points near a surface come to lie too far out, where there is more light or nothing at all.
-const uint PARTS = 6u;
 float place_of_depth(sampler3D field, Ray ray, float begin, float stride, float share) {
     float sigma[PARTS];
     float sum = 0.0;

@@ -114,9 +114,9 @@ impl Costs {
     }
 }
 
-/// Passes of a phantom's render, the median of some: what names begin with, in nanoseconds.
+/// A phantom, rendered some times.
 struct Measured {
-    passes: Vec<Stats>,
+    renders: Vec<Stats>,
     auto: Option<AutoStats>,
     /// Cells that gather.
     cells: f64,
@@ -127,19 +127,20 @@ impl Measured {
         scene.settings.sampling = sampling;
         let internals = Internals { costs: Some(FREE_PILOT), ..Internals::default() };
         let mut renderer = Renderer::new(ctx, scene, internals)?;
-        let mut passes = Vec::new();
+        let mut renders = Vec::new();
         // One more: drivers compile at first use.
         for _ in 0..=RENDERS {
             renderer.render(0, &mut |_| ControlFlow::Continue(()))?;
-            passes.push(renderer.stats(scene, 0.0)?);
+            renders.push(renderer.stats(scene, 0.0)?);
         }
-        let first = passes.remove(0);
-        Ok(Self { passes, auto: first.auto, cells: renderer.listed_cells()[0] as f64 })
+        let first = renders.remove(0);
+        Ok(Self { renders, auto: first.auto, cells: renderer.listed_cells()[0] as f64 })
     }
 
+    /// GPU time of the passes whose names begin like this, in nanoseconds: the renders' median.
     fn ns(&self, prefix: &str) -> f64 {
         let ns = |stats: &Stats| stats.passes.iter().filter(|p| p.name.starts_with(prefix)).map(|p| p.ms * 1e6).sum();
-        median(&self.passes.iter().map(ns).collect::<Vec<f64>>())
+        median(&self.renders.iter().map(ns).collect::<Vec<f64>>())
     }
 }
 
@@ -209,6 +210,10 @@ pub struct Found {
     pub traced_steps: f64,
     /// Steps of a ray in the proxy.
     pub proxy_steps: f64,
+    /// Cells that were looked at.
+    pub cells: u32,
+    /// Directions that were followed in all.
+    pub rays: u64,
 }
 
 impl Found {
@@ -229,14 +234,20 @@ impl Found {
             residual: variance(|s| s.residual),
             traced_steps: steps_per_ray(replicates, directions, |s| s.traced_steps),
             proxy_steps: steps_per_ray(replicates, directions, |s| s.proxy_steps),
+            cells: first.len() as u32,
+            rays: rays(replicates, directions),
         }
     }
 }
 
+fn rays(replicates: &[Vec<PilotSample>], directions: u32) -> u64 {
+    replicates.iter().map(Vec::len).sum::<usize>() as u64 * u64::from(directions)
+}
+
 /// Steps of a ray, from what replicates counted in their cells, each with `directions` directions.
 pub fn steps_per_ray(replicates: &[Vec<PilotSample>], directions: u32, count: fn(&PilotSample) -> u32) -> f64 {
-    let rays = replicates.iter().map(Vec::len).sum::<usize>() as f64 * f64::from(directions);
-    replicates.iter().flatten().map(|s| f64::from(count(s))).sum::<f64>() / rays
+    let steps: f64 = replicates.iter().flatten().map(|s| f64::from(count(s))).sum();
+    steps / rays(replicates, directions) as f64
 }
 
 /// What is left to be gathered.
@@ -312,8 +323,8 @@ pub fn decide(
             residual_cost: residual_ray,
             traced_steps: found.traced_steps,
             proxy_steps: found.proxy_steps,
-            cells: 0,
-            rays: 0,
+            cells: found.cells,
+            rays: found.rays,
         }),
         ..begun
     }
@@ -354,7 +365,8 @@ mod tests {
 
     /// Variances relative to `phase`, and steps.
     fn found(proxy: f64, residual: f64, traced_steps: f64) -> Found {
-        Found { phase: 3.0, proxy: 3.0 * proxy, residual: 3.0 * residual, traced_steps, proxy_steps: 5.0 }
+        let (proxy, residual) = (3.0 * proxy, 3.0 * residual);
+        Found { phase: 3.0, proxy, residual, traced_steps, proxy_steps: 5.0, cells: 4096, rays: 4096 * 96 }
     }
 
     fn decided(found: Found) -> AutoStats {
@@ -362,7 +374,7 @@ mod tests {
     }
 
     fn decided_for(found: Found, costs: &Costs, work: &Work, wanted: &GatherConfig, words: u32) -> AutoStats {
-        let begun = begin(found.traced_steps, costs, work, wanted, 4096 * 96);
+        let begun = begin(found.traced_steps, costs, work, wanted, found.rays);
         assert_eq!(
             (begun.sampling, begun.config(wanted)),
             (Sampling::Phase, GatherConfig { candidates: 1, ..*wanted })
@@ -396,7 +408,7 @@ mod tests {
             ("a poor proxy", found(1.0, 1.2, 60.0)),
             ("a useless proxy", found(0.0, 1.0, 60.0)),
             ("short rays", found(0.9, 0.1, 5.0)),
-            ("no light", Found { phase: 0.0, proxy: 0.0, residual: 0.0, traced_steps: 9.0, proxy_steps: 9.0 }),
+            ("no light", Found { phase: 0.0, proxy_steps: 9.0, ..found(0.0, 0.0, 9.0) }),
             ("no noise", Found { phase: 0.0, ..found(0.9, 0.1, 60.0) }),
             ("no number", Found { phase: f64::NAN, ..found(0.9, 0.1, 60.0) }),
             ("no number of the proxy", Found { proxy: f64::INFINITY, ..found(0.9, 0.1, 60.0) }),
@@ -488,5 +500,6 @@ mod tests {
         // Half of the squared difference 1, mean over two cells, times ten directions.
         assert_eq!((found.phase, found.proxy, found.residual), (2.5, 10.0, 22.5));
         assert_eq!((found.traced_steps, found.proxy_steps), (2.0, 4.0));
+        assert_eq!((found.cells, found.rays), (2, 40));
     }
 }

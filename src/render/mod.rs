@@ -787,11 +787,7 @@ impl<'a> Renderer<'a> {
         let looked = self.sample(auto, queue, Look::Pilot, list, source, order)?;
         let found = auto::Found::of(&looked, auto.pilot.directions(Look::Pilot));
         let words = (chunk_bytes(self.ctx) / (4 * u64::from(auto.chunk))) as u32;
-        let mut stats = auto::decide(begun, &found, &auto.costs, &self.work(order), &auto.wanted, words);
-        if let Some(pilot) = &mut stats.pilot {
-            (pilot.cells, pilot.rays) = (Pilot::cells(list), auto.pilot.rays(Look::Pilot, list));
-        }
-        Ok(stats)
+        Ok(auto::decide(begun, &found, &auto.costs, &self.work(order), &auto.wanted, words))
     }
 
     /// The cells of the pilot: those that the eye sees, as long as it sees something.
