@@ -167,6 +167,47 @@ fn bench_masks_compares_masks() {
     place.fails(&["bench", "masks", "--all", "--volume", PHANTOM], 2, &["--all", "--volume"]);
 }
 
+/// One gather by every way: more directions are less noisy, `top` is too bright, and the others are right.
+#[test]
+fn bench_gather_compares_ways() {
+    let place = Place::new();
+    let tiny = ["bench", "gather", "--volume", PHANTOM, "--pixels", "16", "--seeds", "4"];
+    let ways = ["--counts", "2,16", "--ratios", "2", "--json", "--csv", "gather.csv"];
+    let report = json(&place.succeeds(&[&tiny[..], &ways].concat()));
+    let table = &report["tables"][0];
+    let rows = table["rows"].as_array().unwrap();
+    let shapes: Vec<_> =
+        rows.iter().map(|r| (r["sampling"].as_str().unwrap(), r["directions"].as_u64().unwrap())).collect();
+    let of = |way, counts: &[u64]| counts.iter().map(|&n| (way, n)).collect::<Vec<_>>();
+    let expected = ["top", "resample", "residual"].map(|way| of(way, &[2, 16])).concat();
+    assert_eq!(shapes, [of("phase", &[2, 16, 32, 64]), expected].concat());
+    let number =
+        |row: &serde_json::Value, field: &str| row[field].as_f64().unwrap_or_else(|| panic!("{field} of {row}"));
+    for row in rows {
+        let has_proxy = row["sampling"] != "phase";
+        assert_eq!(number(row, "build_ms") > 0.0 && number(row, "proxy_ms") > 0.0, has_proxy, "{row}");
+        for field in ["trace_ms", "ms", "sampling_rate", "noise", "gain"] {
+            assert!(number(row, field) > 0.0, "{field} of {row}");
+        }
+        let bias = number(row, "mean_bias");
+        if row["sampling"] == "top" {
+            assert!(bias > 0.02 && number(row, "bias") > 0.02, "{row}");
+        } else {
+            assert!(bias.abs() < 0.003 + 0.2 * number(row, "noise"), "{row}");
+        }
+    }
+    for pair in rows.windows(2).filter(|pair| pair[0]["sampling"] == pair[1]["sampling"]) {
+        assert!(number(&pair[1], "noise") < number(&pair[0], "noise"), "{pair:?}");
+    }
+    for field in ["traced_samples", "proxy_reads", "plain_samples_per_second", "solve_ms"] {
+        assert!(number(table, field) > 0.0, "{field} of {table}");
+    }
+    let csv = fs::read_to_string(place.path("gather.csv")).unwrap();
+    assert_eq!(csv.lines().count(), rows.len() + 1);
+    place.fails(&["bench", "gather", "--ways", "auto"], 2, &["--ways", "auto", "residual"]);
+    place.fails(&[&tiny[..], &["--light", "none"]].concat(), 1, &["no light", "cure"]);
+}
+
 #[test]
 fn bench_proxy_refuses_what_has_no_light() {
     let place = Place::new();

@@ -21,18 +21,16 @@ pub struct Lit {
     pub source: Image,
     /// Voxels that have light.
     pub nodes: List,
-    /// Linear indices of the cells with extinction.
-    pub cells: Vec<u32>,
+    /// Cells with extinction.
+    pub cells: List,
 }
-
-/// List items of a dispatch.
-const CHUNK: u32 = 1 << 15;
 
 impl Lit {
     /// Classifies the volume and scatters the light once, isotropically: one value per voxel is all that rays need here.
+    /// `chunk`: list items of a dispatch.
     ///
     /// Errors: nothing in the medium has extinction, or no light reaches it.
-    pub fn new(ctx: &Context, mut scene: Scene) -> Result<Self> {
+    pub fn new(ctx: &Context, mut scene: Scene, chunk: u32) -> Result<Self> {
         scene.g = 0.0;
         scene.settings.light_grid = 1;
         let data = SceneData::new(ctx, &scene)?;
@@ -41,8 +39,8 @@ impl Lit {
         let emptiness = Emptiness::for_rays(ctx, dims)?;
         let blocks = data.light_blocks();
         let marks = Marks::new(ctx, blocks)?;
-        let mut cells = List::new(ctx, blocks, Listed::Cells, CHUNK, None)?;
-        let mut nodes = List::new(ctx, blocks, Listed::Nodes, CHUNK, None)?;
+        let mut cells = List::new(ctx, blocks, Listed::Cells, chunk, None)?;
+        let mut nodes = List::new(ctx, blocks, Listed::Nodes, chunk, None)?;
         let mut rec = Recorder::new(ctx)?;
         Classify::new(ctx, &data, Emitted::Nothing)?.record(&mut rec, &data, &field);
         emptiness.record(&mut rec, &data, &field);
@@ -50,10 +48,8 @@ impl Lit {
         cells.record(&mut rec, &data, &marks);
         nodes.record(&mut rec, &data, &marks);
         rec.submit_and_wait()?;
-        cells.read_counts(ctx)?;
         nodes.read_counts(ctx)?;
-        let listed = cells.read_back(ctx)?;
-        if listed.is_empty() {
+        if cells.read_counts(ctx)? == 0 {
             return Err(Error::input(
                 "scene",
                 "nothing in the volume has extinction",
@@ -61,17 +57,17 @@ impl Lit {
             ));
         }
         let source = Source::new(ctx, &data, "source", false)?;
-        let lit = Self { data, emptiness, source: source.a.clone(), nodes, cells: listed };
-        lit.scatter(ctx, &scene, &cells, &field, &source)?;
+        let lit = Self { data, emptiness, source: source.a.clone(), nodes, cells };
+        lit.scatter(ctx, &scene, chunk, &field, &source)?;
         Ok(lit)
     }
 
-    fn scatter(&self, ctx: &Context, scene: &Scene, cells: &List, field: &Image, source: &Source) -> Result<()> {
+    fn scatter(&self, ctx: &Context, scene: &Scene, chunk: u32, field: &Image, source: &Source) -> Result<()> {
         let settings = &scene.settings;
         let single = SingleScatter::new(ctx, &self.data, settings.gather_step)?;
-        let projection = Projection::new(ctx, &self.data, CHUNK, settings.projection_steps, true, settings.light_for)?;
+        let projection = Projection::new(ctx, &self.data, chunk, settings.projection_steps, true, settings.light_for)?;
         let mut rec = Recorder::new(ctx)?;
-        let args = cells.chunk_args(ctx, &mut rec, 1)?;
+        let args = self.cells.chunk_args(ctx, &mut rec, 1)?;
         source.clear(&mut rec);
         projection.record_clear_all(&mut rec);
         rec.submit_and_wait()?;
@@ -83,7 +79,7 @@ impl Lit {
             args: &args,
             kept: Kept::Mean,
         };
-        for chunk in cells.chunks() {
+        for chunk in self.cells.chunks() {
             let mut rec = Recorder::new(ctx)?;
             if self.data.environment != constants::ENVIRONMENT_NONE {
                 single.record_environment(&mut rec, &scattering, &chunk, settings.environment_directions, false);

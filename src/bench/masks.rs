@@ -7,6 +7,7 @@ use super::{Timing, time_passes};
 use crate::passes::bench_rays::{BenchRays, RayConfig, RayInputs};
 use crate::passes::mips::Mips;
 use crate::passes::proxy::{Proxy, ProxyConfig, ProxyCounts};
+use crate::render::chunk_items;
 use crate::scene::{Mask, Scene};
 use crate::shaders::constants;
 use crate::stats::median;
@@ -87,7 +88,7 @@ fn errors(pairs: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
 pub fn run(ctx: &Context, scene: Scene, config: &Config, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let volume = scene.volume.name.clone();
     let step = scene.settings.proxy_step;
-    let lit = Lit::new(ctx, scene)?;
+    let lit = Lit::new(ctx, scene, chunk_items(ctx, None))?;
     let (data, dims) = (&lit.data, lit.data.params.dims);
     let mips = Mips::means_of_voxels(ctx, dims)?;
     let mut rec = Recorder::new(ctx)?;
@@ -117,7 +118,7 @@ pub fn run(ctx: &Context, scene: Scene, config: &Config, progress: &mut dyn FnMu
     }
 
     // Rays.
-    let cells = draw_cells(&lit.cells, config.rays.div_ceil(DIRECTIONS), data.params.seed_low);
+    let cells = draw_cells(&lit.cells.read_back(ctx)?, config.rays.div_ceil(DIRECTIONS), data.params.seed_low);
     let (cell_count, rays) = (cells.len(), cells.len() as u32 * DIRECTIONS);
     let cells = ctx.upload("bench.cells", &cells)?;
     let results: Buffer<[f32; 2]> = ctx.device_buffer("bench.results", rays as usize)?;

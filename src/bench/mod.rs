@@ -1,6 +1,7 @@
 //! Measurements of the device: `tyndall bench`, one file per subject. Times are GPU timestamps; what is compared runs in
 //! turns, so that a machine that is busy now and then is so for all.
 
+pub mod gather;
 pub mod lit;
 pub mod masks;
 pub mod primitives;
@@ -26,6 +27,15 @@ pub struct Timing {
 }
 
 impl Timing {
+    /// Of `passes`, together; `before`: the process's CPU time before their submission.
+    ///
+    /// Errors: the device has no timestamps.
+    fn since(ctx: &Context, before: Option<f64>, passes: &[TimedPass]) -> Result<Self> {
+        let gpu = passes.iter().map(|pass| pass.ms).sum();
+        let cpu = if ctx.is_cpu() { processor_ms().zip(before).map(|(after, before)| after - before) } else { None };
+        if gpu > 0.0 { Ok(Self { gpu, cpu: cpu.filter(|&ms| ms > 0.0) }) } else { Err(no_timestamps()) }
+    }
+
     /// What structures are compared by.
     pub fn best(&self) -> f64 {
         self.cpu.unwrap_or(self.gpu)
@@ -51,9 +61,32 @@ pub(crate) fn time_passes(ctx: &Context, mut record: impl FnMut(&mut Recorder)) 
     let mut rec = Recorder::new(ctx)?;
     record(&mut rec);
     let before = processor_ms();
-    let gpu = rec.submit_and_wait()?.iter().map(|pass| pass.ms).sum();
-    let cpu = if ctx.is_cpu() { processor_ms().zip(before).map(|(after, before)| after - before) } else { None };
-    if gpu > 0.0 { Ok(Timing { gpu, cpu: cpu.filter(|&ms| ms > 0.0) }) } else { Err(no_timestamps()) }
+    let passes = rec.submit_and_wait()?;
+    Timing::since(ctx, before, &passes)
+}
+
+/// Time at which something that was measured as pairs of time and noise has this noise: along the line between neighbours of its
+/// front, in logarithms; beyond the least noisy, as if noise fell with the root of time.
+fn time_at(measured: &[[f64; 2]], noise: f64) -> Option<f64> {
+    let mut sorted: Vec<[f64; 2]> = measured.iter().map(|pair| pair.map(f64::ln)).collect();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut front: Vec<[f64; 2]> = Vec::new();
+    for point in sorted {
+        if front.last().is_none_or(|last| point[1] < last[1]) {
+            front.push(point);
+        }
+    }
+    let wanted = noise.ln();
+    let first = front.iter().position(|p| p[1] <= wanted);
+    let at = match first {
+        Some(0) => front[0][0],
+        Some(i) => {
+            let ([t0, n0], [t1, n1]) = (front[i - 1], front[i]);
+            t0 + (t1 - t0) * (n0 - wanted) / (n0 - n1)
+        }
+        None => front.last().map(|&[t, n]| t + 2.0 * (n - wanted))?,
+    };
+    Some(at.exp())
 }
 
 /// Runs that never count.
@@ -178,4 +211,20 @@ impl<'a> Timer<'a> {
 
 fn no_timestamps() -> Error {
     Error::input("--device", "the device has no timestamps", "choose another one: see `tyndall devices`")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_lie_between_neighbours_of_the_front() {
+        // The second is dominated.
+        let all = [[10.0, 0.4], [1000.0, 0.3], [40.0, 0.1]];
+        let close = |noise: f64, ms: f64| (time_at(&all, noise).unwrap() / ms - 1.0).abs() < 1e-9;
+        assert!(close(0.4, 10.0) && close(0.1, 40.0) && close(0.2, 20.0));
+        assert!(close(0.9, 10.0), "no faster than the fastest");
+        assert!(close(0.05, 160.0), "a quarter of the variance in four times the time");
+        assert_eq!(time_at(&[], 0.1), None);
+    }
 }

@@ -12,6 +12,7 @@ use crate::passes::cubes::Cubes;
 use crate::passes::emptiness::{Emptiness, Measure};
 use crate::passes::mips::Mips;
 use crate::passes::proxy::{Proxy, ProxyConfig};
+use crate::render::chunk_items;
 use crate::scene::{Mask, Scene};
 use crate::shaders::constants;
 use crate::stats::median;
@@ -160,9 +161,9 @@ const EDGES: [u32; 3] = [4, 8, 16];
 /// Errors: the scene is empty or dark, an exact structure is not exact, or the device fails.
 pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let volume = scene.volume.name.clone();
-    let lit = Lit::new(ctx, scene)?;
+    let lit = Lit::new(ctx, scene, chunk_items(ctx, None))?;
     let (data, dims) = (&lit.data, lit.data.params.dims);
-    let cells = draw_cells(&lit.cells, config.rays.div_ceil(DIRECTIONS), data.params.seed_low);
+    let cells = draw_cells(&lit.cells.read_back(ctx)?, config.rays.div_ceil(DIRECTIONS), data.params.seed_low);
     let cell_count = cells.len() as u32;
     let cells = ctx.upload("bench.cells", &cells)?;
     let runs = config.runs;
@@ -367,7 +368,7 @@ pub fn run(ctx: &Context, scene: Scene, config: Config, progress: &mut dyn FnMut
     Ok(Table {
         volume,
         dims,
-        active_fraction: lit.cells.len() as f64 / all_cells,
+        active_fraction: lit.cells.items() as f64 / all_cells,
         cells: cell_count,
         rays,
         runs,

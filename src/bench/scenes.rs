@@ -2,6 +2,7 @@
 //! side by side: time and error at the paper's own settings, time at equal noise with each at its best, and error against the
 //! number of iterations.
 
+use super::time_at;
 use crate::measure::knobs::Setting;
 use crate::measure::sweep::{Clock, Effort, Options, Sweep};
 use crate::render::Progress;
@@ -204,34 +205,10 @@ fn rows(sweep: &Sweep<'_>, config: &Config) -> Vec<Row> {
     rows
 }
 
-/// Time at which a way to choose has this noise: along the line between neighbours of its front, in logarithms; beyond the
-/// least noisy, as if noise fell with the root of time.
-fn time_at(rows: &[&Row], noise: f64) -> Option<f64> {
-    let mut sorted: Vec<(f64, f64)> = rows.iter().map(|r| (r.ms.ln(), r.noise.ln())).collect();
-    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut front: Vec<(f64, f64)> = Vec::new();
-    for point in sorted {
-        if front.last().is_none_or(|last| point.1 < last.1) {
-            front.push(point);
-        }
-    }
-    let wanted = noise.ln();
-    let first = front.iter().position(|p| p.1 <= wanted);
-    let at = match first {
-        Some(0) => front[0].0,
-        Some(i) => {
-            let ((t0, n0), (t1, n1)) = (front[i - 1], front[i]);
-            t0 + (t1 - t0) * (n0 - wanted) / (n0 - n1)
-        }
-        None => front.last().map(|&(t, n)| t + 2.0 * (n - wanted))?,
-    };
-    Some(at.exp())
-}
-
 fn equal_noise(rows: &[Row], samplings: &[Sampling]) -> Vec<Equal> {
     let of = |sampling: Sampling| rows.iter().filter(move |r| r.sampling == sampling);
     let compare = |&sampling: &Sampling| {
-        let all: Vec<&Row> = of(sampling).collect();
+        let all: Vec<[f64; 2]> = of(sampling).map(|r| [r.ms, r.noise]).collect();
         let speedup = |phase: &Row| Some((phase.directions, phase.ms / time_at(&all, phase.noise)?));
         let mut speedups: Vec<_> = of(Sampling::Phase).filter_map(speedup).collect();
         speedups.sort_by_key(|s| s.0);
@@ -296,21 +273,6 @@ mod tests {
             noise,
             mean_bias: [0.0; 3],
         }
-    }
-
-    #[test]
-    fn times_lie_between_neighbours_of_the_front() {
-        let rows = [
-            row(Sampling::Resample, 1, 10.0, 0.4),
-            row(Sampling::Resample, 2, 1000.0, 0.3), // dominated
-            row(Sampling::Resample, 4, 40.0, 0.1),
-        ];
-        let all: Vec<&Row> = rows.iter().collect();
-        let close = |noise: f64, ms: f64| (time_at(&all, noise).unwrap() / ms - 1.0).abs() < 1e-9;
-        assert!(close(0.4, 10.0) && close(0.1, 40.0) && close(0.2, 20.0));
-        assert!(close(0.9, 10.0), "no faster than the fastest");
-        assert!(close(0.05, 160.0), "a quarter of the variance in four times the time");
-        assert_eq!(time_at(&[], 0.1), None);
     }
 
     #[test]

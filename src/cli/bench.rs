@@ -1,5 +1,6 @@
 //! `tyndall bench`: what this device is fast at.
 
+mod gather;
 mod masks;
 mod primitives;
 mod proxy;
@@ -25,6 +26,7 @@ pub struct Args {
 #[derive(clap::Subcommand, Debug)]
 enum Subject {
     Proxy(Box<proxy::ProxyArgs>),
+    Gather(Box<gather::GatherArgs>),
     Masks(Box<masks::MasksArgs>),
     Scan(primitives::ScanArgs),
     Sort(primitives::SortArgs),
@@ -35,6 +37,7 @@ enum Subject {
 pub fn run(args: &Args) -> Result<String> {
     match &args.subject {
         Subject::Proxy(args) => proxy::run(args),
+        Subject::Gather(args) => gather::run(args),
         Subject::Masks(args) => masks::run(args),
         Subject::Scan(args) => primitives::run_scan(args),
         Subject::Sort(args) => primitives::run_sort(args),

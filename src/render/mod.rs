@@ -209,7 +209,7 @@ const MOST_SEPARATE_LIGHTS: u32 = 4;
 
 /// List items of a chunk: a dispatch should stay below 100 ms, and a chunk's lists below the bytes given here. A large device
 /// needs large dispatches: with chunks of a quarter of the usual size all passes took 1.4 times as long on an H100.
-fn chunk_items(ctx: &Context, gather: Option<&GatherConfig>) -> u32 {
+pub(crate) fn chunk_items(ctx: &Context, gather: Option<&GatherConfig>) -> u32 {
     let usual = if ctx.is_cpu() { 1 << 15 } else { 1 << 18 };
     gather.map_or(usual, |g| usual.min(g.max_chunk(chunk_bytes(ctx))).max(64))
 }
