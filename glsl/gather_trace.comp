@@ -6,6 +6,7 @@
 #define LIST_BINDING 3
 #define LIGHTS_BINDING 11
 #define SAMPLES_BINDING 10
+#define POINTS_BINDING 14
 #define SAMPLES_ACCESS writeonly
 #define SCENE_COPIED
 #include "include/list.glsl"
@@ -14,6 +15,7 @@
 #include "include/scatter_sample.glsl"
 #include "include/traced.glsl"
 #include "include/aim.glsl"
+#include "include/points.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 4) const uint SAMPLING = SAMPLING_PHASE;
@@ -70,10 +72,11 @@ void main() {
     bool is_choice = is_top || is_resampled;
     for (uint slot = slot_begin; slot < slot_end; slot++) {
         // Points by slot, not by candidate: whatever is chosen, every point gets its share.
-        uint point = point_of_sample(slot, flip);
+        Dealt dealt = dealt_to(slot, directions, aim.at_eye, flip);
+        uint point = dealt.point;
         vec3 place = point_place(cell, point);
         uint candidate = slot;
-        float weight = 1.0 / float(directions);
+        float weight = dealt.weight / float(directions);
         if (is_choice) {
             uvec2 choice = chosen[slot * chunk_items + item];
             candidate = choice.x;

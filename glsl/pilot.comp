@@ -10,6 +10,7 @@
 #define LIST_BINDING 3
 #define LIGHTS_BINDING 11
 #define ESTIMATE_BINDING 12
+#define POINTS_BINDING 14
 #define SCENE_COPIED
 #define COUNTED
 #include "include/list.glsl"
@@ -17,6 +18,7 @@
 #include "include/cell_scattering.glsl"
 #include "include/traced.glsl"
 #include "include/estimate.glsl"
+#include "include/points.glsl"
 
 layout(local_size_x_id = 0) in;
 // There is a proxy, and the directions are followed in it, too.
@@ -69,7 +71,8 @@ void main() {
     uint begin = gl_WorkGroupID.z * block;
     uint end = min(begin + block, directions);
     for (uint slot = begin; slot < end; slot++) {
-        uint point = point_of_sample(slot, flip);
+        Dealt dealt = dealt_to(slot, directions, false, flip);
+        uint point = dealt.point;
         vec3 place = point_place(cell, point);
         vec3 towards = lattice_direction(slot, directions, shift);
         vec3 radiance = traced_radiance(make_ray(position_of(cell, place), towards, float(STEP_SAMPLES) * step_voxels), towards, 0u);
@@ -77,7 +80,7 @@ void main() {
         if (PROXY) {
             energy = estimated_energy(make_ray(position_of(cell, vec3(0.5)), towards, proxy_step_voxels));
         }
-        vec3 scattered = scattering_at(scattering, cell, point) / float(directions);
+        vec3 scattered = scattering_at(scattering, cell, point) * (dealt.weight / float(directions));
         found.traced += radiance * scattered;
         found.residual += (radiance - energy) * scattered;
         energies += energy / float(directions);

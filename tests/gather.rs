@@ -19,6 +19,7 @@ use tyndall::cpu::project::Sums;
 use tyndall::cpu::texture::Texture;
 use tyndall::passes::compact::Listed;
 use tyndall::passes::gather::{Gather, GatherConfig, Gathered as What};
+use tyndall::passes::points::{aimed_weights_of, points_of, weights_of};
 use tyndall::passes::project::{Kept, Projection, Scattering};
 use tyndall::passes::proxy::{Proxy, ProxyConfig};
 use tyndall::scene::{Environment, LightFor, Mask, Sampling, Scene};
@@ -99,9 +100,12 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
 
     let items = cells.len();
     let choice = |c: &[u32; 2]| Choice { candidate: c[0], weight: f32::from_bits(c[1]), less: 0.0 };
+    let for_eye = what == What::Projected && projection.kept(!is_last) == Kept::Eye;
+    let dealt = if for_eye { aimed_weights_of(config.directions) } else { weights_of(&points_of(config.directions)) };
     let all = |less: &dyn Fn(u32) -> f32| {
-        let weight = 1.0 / config.directions as f32;
-        (0..config.directions).map(|candidate| Choice { candidate, weight, less: less(candidate) }).collect()
+        let weight = |candidate: u32| dealt[candidate as usize] / config.directions as f32;
+        let choice = |candidate| Choice { candidate, weight: weight(candidate), less: less(candidate) };
+        (0..config.directions).map(choice).collect()
     };
     let read = |buffer: &Buffer<[u32; 2]>| transposed(&ctx.read_back(buffer).unwrap(), items);
     let (weights, chosen, light) = match &proxy {
@@ -139,7 +143,7 @@ fn gather(ctx: &Context, scene: &Scene, config: GatherConfig, what: What, light:
         light,
         cells,
         setup,
-        for_eye: what == What::Projected && projection.kept(!is_last) == Kept::Eye,
+        for_eye,
     }
 }
 
@@ -157,8 +161,9 @@ fn check_trace(name: &str, g: Ran, config: GatherConfig, what: What, light: u32)
         What::Emitted => Carried::Emitted(&g.source[0]),
         What::Light => Carried::Light(&g.source[0], &host.lights[light as usize]),
     };
+    let GatherConfig { directions, step, .. } = config;
     let expected =
-        cpu::gather::gather_trace(host, &g.cells, carried, &g.chosen, ORDER, lattice, config.step, g.for_eye);
+        cpu::gather::gather_trace(host, &g.cells, carried, &g.chosen, ORDER, lattice, directions, step, g.for_eye);
     let case = format!("{name}, {:?}, g {}, {what:?} {light}", config.sampling, host.params.g);
     let mut sums = Sums::zero(host.params.light_dims);
     if config.sampling == Sampling::Residual {

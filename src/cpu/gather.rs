@@ -8,6 +8,7 @@ use super::scene::{HostScene, direction_to_eye, world_from_index};
 use super::sphere::{lattice_direction, lattice_point, phase_hg, sample_hg};
 use super::texture::Texture;
 use crate::abi::{LightData, ScatterSample, SceneParams};
+use crate::passes::points::{aimed_points_of, points_of};
 use crate::shaders::constants::{CELL_POINTS, STEP_SAMPLES};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
@@ -256,7 +257,7 @@ pub fn traced_radiance(scene: &SceneParams, carried: Carried<'_>, ray: Ray, towa
 }
 
 /// Samples of what is carried, scattered once more in the listed cells. `chosen` by cell of the list, out of a lattice
-/// of `lattice` directions.
+/// of `lattice` directions; `directions` slots of a cell.
 #[allow(clippy::too_many_arguments, reason = "the kernel's arguments")]
 pub fn gather_trace(
     scene: &HostScene,
@@ -265,17 +266,19 @@ pub fn gather_trace(
     chosen: &[Vec<Choice>],
     order: u32,
     lattice: u32,
+    directions: u32,
     step_voxels: f32,
     for_eye: bool,
 ) -> Vec<Vec<ScatterSample>> {
     let s = &scene.params;
+    let points = if for_eye { aimed_points_of(directions) } else { points_of(directions) };
     let of_cell = |(&index, choices): (&u32, &Vec<Choice>)| {
         let cell = Cell::from_linear(s, index);
         let shift = lattice_shift(s, index, order, Lattice::Traced);
         let flip = point_flip(s, index, order);
         let aim = Aim::new(s, &cell, for_eye);
         let of_choice = |(slot, choice): (usize, &Choice)| {
-            let point = point_of_sample(slot as u32, flip);
+            let point = points[slot] ^ flip;
             let towards = match carried {
                 Carried::Light(_, light) if light.is_point == 0 => {
                     -sample_hg(s.g, light.vector.into(), lattice_point(choice.candidate, lattice, shift))

@@ -2,12 +2,13 @@
 
 use super::gather::{Carried, Lattice, lattice_shift, point_flip, proxy_energy, traced_radiance};
 use super::march::make_ray;
-use super::project::{Cell, point_of_sample};
+use super::project::Cell;
 use super::rng::stream_key;
 use super::scene::HostScene;
 use super::sphere::lattice_direction;
 use super::texture::Texture;
 use crate::abi::PilotSample;
+use crate::passes::points::{points_of, weights_of};
 use crate::shaders::constants::{CELL_POINTS, PILOT_STREAM, STEP_SAMPLES};
 use glam::{Vec2, Vec3};
 
@@ -33,18 +34,20 @@ pub fn pilot(
     [step_voxels, proxy_step_voxels]: [f32; 2],
 ) -> Vec<PilotSample> {
     let s = &scene.params;
+    let points = points_of(directions);
+    let weights = weights_of(&points);
     let of_cell = |&index: &u32| {
         let cell = Cell::from_linear(s, index);
         let stream = PILOT_STREAM + replicate;
         let (shift, flip) = (lattice_shift(s, index, stream, Lattice::Traced), point_flip(s, index, stream));
         let (mut traced, mut residual, mut energies) = (Vec3::ZERO, Vec3::ZERO, 0.0);
         for slot in 0..directions {
-            let point = point_of_sample(slot, flip);
+            let point = points[slot as usize] ^ flip;
             let towards = lattice_direction(slot, directions, shift);
             let ray = make_ray(s, cell.position(point), towards, STEP_SAMPLES as f32 * step_voxels);
             let radiance = traced_radiance(s, carried, ray, towards);
             let energy = proxy_energy(s, light, sky, cell.middle(), towards, proxy_step_voxels);
-            let scattered = cell.scattering(scene, point) / directions as f32;
+            let scattered = cell.scattering(scene, point) * (weights[slot as usize] / directions as f32);
             traced += radiance * scattered;
             residual += (radiance - energy) * scattered;
             energies += energy / directions as f32;

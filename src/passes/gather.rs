@@ -3,6 +3,7 @@
 //! what the proxy says is taken as it is (`gather_base.comp`), and traced rays bring what it is off by.
 
 use super::compact::{Chunk, ChunkArgs, List};
+use super::points::packed_with_aimed;
 use super::project::{Kept, Scattering, Source};
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
@@ -96,6 +97,8 @@ pub struct GatherArgs {
     counts: [u32; 2],
     estimate: Option<[ChunkArgs; 2]>,
     trace: ChunkArgs,
+    /// Of even directions, and of those that are aimed at the eye.
+    points: Buffer<u32>,
 }
 
 impl Gather {
@@ -196,7 +199,8 @@ impl Gather {
         } else {
             None
         };
-        Ok(GatherArgs { counts, estimate, trace: list.chunk_args(ctx, rec, 1)? })
+        let points = ctx.upload("gather.points", &packed_with_aimed(counts[1]))?;
+        Ok(GatherArgs { counts, estimate, trace: list.chunk_args(ctx, rec, 1)?, points })
     }
 
     /// Gathers a chunk of cells: samples the light of `source`, scattered once more, and deposits it. `stream` keeps the
@@ -311,6 +315,7 @@ impl Gather {
                 ("chosen", self.chosen.bind()),
                 ("weights", self.weights.bind()),
                 ("samples", scattering.projection.samples().bind()),
+                ("points", args.points.bind()),
             ];
             chunk.dispatch(rec, &self.trace, &binds, &push, &args.trace);
         });

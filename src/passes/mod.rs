@@ -16,6 +16,7 @@ pub mod path;
 pub mod phase_probe;
 pub mod phong;
 pub mod pilot;
+pub mod points;
 pub mod project;
 pub mod proxy;
 pub mod quantiser;

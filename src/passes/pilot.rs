@@ -1,6 +1,7 @@
 //! The pilot of the sampling `auto`: a few cells' gathers in the data and in the proxy (`glsl/pilot.comp`).
 
 use super::compact::List;
+use super::points::{packed, points_of};
 use super::project::Source;
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
@@ -59,6 +60,8 @@ pub struct Pilot {
     first: Pipeline,
     pilot: Pipeline,
     samples: Buffer<PilotSample>,
+    /// Of the directions of each look.
+    points: [Buffer<u32>; 2],
     directions: u32,
     block: u32,
     steps: [f32; 2],
@@ -83,7 +86,9 @@ impl Pilot {
         let directions = directions.clamp(1, MOST_DIRECTIONS);
         let block = BLOCK.min(budget).max(1);
         let parts = MOST_CELLS as u32 * constants::PILOT_REPLICATES * directions.div_ceil(block);
+        let points = |directions| ctx.upload("pilot.points", &packed(&points_of(directions)));
         Ok(Self {
+            points: [points(Self::first_directions(directions))?, points(directions)?],
             first: Pipeline::new(ctx, &shaders::PILOT, &specialization(false))?,
             pilot: Pipeline::new(ctx, &shaders::PILOT, &specialization(true))?,
             samples: ctx.device_buffer("pilot", parts as usize)?,
@@ -112,9 +117,13 @@ impl Pilot {
     /// Directions of a cell.
     pub fn directions(&self, look: Look) -> u32 {
         match look {
-            Look::First => (self.directions / FIRST_DIRECTIONS_EACH).clamp(1, FIRST_DIRECTIONS),
+            Look::First => Self::first_directions(self.directions),
             Look::Pilot => self.directions,
         }
+    }
+
+    fn first_directions(directions: u32) -> u32 {
+        (directions / FIRST_DIRECTIONS_EACH).clamp(1, FIRST_DIRECTIONS)
     }
 
     fn extent(&self, look: Look, list: &List) -> Extent {
@@ -160,6 +169,7 @@ impl Pilot {
             ("bucket_id", proxy.bucket_id.sampled(Filter::Nearest)),
             ("bucket_light", proxy.bucket_light.bind()),
             ("pilots", self.samples.bind()),
+            ("points", self.points[usize::from(look == Look::Pilot)].bind()),
         ];
         order_compute(rec);
         let groups = [cells.div_ceil(LIST_WORKGROUP), constants::PILOT_REPLICATES, extent.blocks()];

@@ -42,7 +42,7 @@ pub struct GatherArgs {
         value_name = "MODE,...",
         value_delimiter = ',',
         default_value = "top,resample,residual",
-        value_parser = ["top", "resample", "residual"],
+        value_parser = ["phase", "top", "resample", "residual"],
         help_heading = "Bench"
     )]
     ways: Vec<String>,
