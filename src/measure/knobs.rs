@@ -143,7 +143,7 @@ impl Knob {
                     s.environment_directions = n
                 })
             }
-            Knob::InnerShare => [1.0, 0.5, 0.25].iter().map(|share| with(&|s| s.inner_share = *share)).collect(),
+            Knob::InnerShare => [1.0, 0.5, 0.33, 0.2].iter().map(|share| with(&|s| s.inner_share = *share)).collect(),
             Knob::HiddenShare => {
                 let share = |share: &f32| with(&|s| s.hidden_share = *share);
                 [1.0, 0.5, 0.25, 0.125].iter().map(share).collect()

@@ -22,7 +22,7 @@ use crate::passes::scene_data::SceneData;
 use crate::passes::see::{self, See};
 use crate::passes::share_of;
 use crate::passes::single_scatter::SingleScatter;
-use crate::scene::{self, LightFor, Mask, Model, Precision, Sampling, Scene};
+use crate::scene::{self, LightFor, Mask, Model, Precision, Sampling, Scene, Settings};
 use crate::shaders::constants;
 use crate::stats::{AutoStats, PassStats, ProxyStats, Stats, VolumeStats, pass_stats};
 use crate::vk::{Access, Buffer, Context, Image, ImageFormat, ImageReadBack, Recorder, Submission, TimedPass};
@@ -85,6 +85,8 @@ pub struct Renderer<'a> {
     orders: u32,
     /// Of their directions, what gathers use whose light the eye sees only after another one.
     inner_share: f32,
+    /// The same where `auto` decided on `residual`.
+    decided_inner_share: f32,
     /// Environment directions of a cell where single scattering samples what the eye sees.
     environment_directions: u32,
     samples: u32,
@@ -219,6 +221,17 @@ fn chunk_bytes(ctx: &Context) -> u64 {
     ctx.max_storage_bytes().min(if ctx.is_cpu() { 64 << 20 } else { 256 << 20 })
 }
 
+/// Of the directions, what inner gathers use. Fewer than a cell has points would be noisier by far than they are cheaper: even what is the
+/// same everywhere would come out uneven. The lower level of `residual` reaches all points anyway.
+fn inner_share(settings: &Settings, sampling: Sampling) -> f32 {
+    if sampling == Sampling::Residual {
+        return settings.inner_share;
+    }
+    // Rounded up to one for each point, whatever the division makes of it.
+    let least = (constants::CELL_POINTS as f32 - 0.5) / settings.directions as f32;
+    settings.inner_share.max(least).min(1.0)
+}
+
 /// Random-number streams: orders count from 1; the gathers of emitted light and of single lights have their own.
 const EMISSION_STREAM: u32 = 0x454D_4954;
 const LIGHT_STREAM: u32 = 0x4C49_4700;
@@ -343,7 +356,8 @@ impl<'a> Renderer<'a> {
         Ok(Self {
             ctx,
             orders,
-            inner_share: s.inner_share,
+            inner_share: inner_share(s, s.sampling),
+            decided_inner_share: inner_share(s, Sampling::Residual),
             environment_directions: s.environment_directions,
             samples: s.spp,
             mask: s.mask,
@@ -714,7 +728,8 @@ impl<'a> Renderer<'a> {
                         let mut rec = Recorder::new(ctx)?;
                         let mut args = Vec::new();
                         for cells in &groups {
-                            let [inner, last] = self.shares(cells.share);
+                            let inner = self.decided_inner_share * cells.share.of_all;
+                            let last = self.shares(cells.share)[1];
                             let mut of = |share| gather.args(ctx, &mut rec, cells.list, share);
                             args.push([of(inner)?, of(last)?]);
                         }
@@ -1039,5 +1054,22 @@ impl<'p> Queue<'p> {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(()) => Err(stopped()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inner_gathers_have_a_direction_for_every_point() {
+        let of = |directions, share| {
+            let settings = Settings { directions, inner_share: share, ..Settings::default() };
+            share_of(directions, inner_share(&settings, Sampling::Phase))
+        };
+        let all: Vec<u32> = [1, 7, 8, 9, 16, 24, 48, 1024].iter().map(|&n| of(n, 0.33)).collect();
+        assert_eq!(all, [1, 7, 8, 8, 8, 8, 16, 338]);
+        assert_eq!(inner_share(&Settings { directions: 8, ..Settings::default() }, Sampling::Residual), 0.33);
+        assert!((1..=1024).all(|n| of(n, 0.001) == n.min(8).max((n as f32 * 0.001).ceil() as u32)));
     }
 }

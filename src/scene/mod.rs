@@ -223,8 +223,8 @@ pub struct Settings {
     /// N: directions per cell traced in the data, in the gather that the eye sees. 1..=1024; N ≤ M where the sampling chooses
     /// them from the candidates.
     pub directions: u32,
-    /// Share of N and M that the gathers before that one get, in (0, 1]: their noise reaches the eye only as means over
-    /// several cells.
+    /// Share of N and M that the gathers before that one get, in (0, 1], but no less than a direction for each point of a cell: their
+    /// noise reaches the eye only as means over several cells.
     pub inner_share: f32,
     /// K: light scattered 1..K times, ≥ 1; [`UNLIMITED`] for `path` only.
     #[serde(serialize_with = "values::write_orders")]
@@ -272,7 +272,7 @@ impl Default for Settings {
             sampling: Sampling::Phase,
             candidates: 64,
             directions: 48,
-            inner_share: 0.5,
+            inner_share: 0.33,
             orders: 4,
             max_events: 100_000,
             environment_directions: 64,

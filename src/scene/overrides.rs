@@ -64,8 +64,8 @@ pub struct Overrides {
     /// many [default: 48]
     #[arg(long, value_name = "N", help_heading = "Method")]
     pub directions: Option<u32>,
-    /// Share of the directions that gathers before the last one get, whose noise averages out, greater than 0, at most 1
-    /// [default: 0.5]
+    /// Share of the directions that gathers before the last one get, whose noise averages out, greater than 0, at most 1; at least
+    /// eight directions, if the last one has as many [default: 0.33]
     #[arg(long, value_name = "SHARE", help_heading = "Method")]
     pub inner_share: Option<f64>,
     /// K: light scattered 1 to K times; 'unlimited' for path only [default: 4]
