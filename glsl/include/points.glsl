@@ -1,5 +1,6 @@
 // From which of its cell's points each direction of a gather is followed (src/passes/points.rs): eight to a word, even directions
-// first, then those that are aimed at the eye. Each is a point, and in the fourth bit whether it has more directions than others. The including kernel defines POINTS_BINDING.
+// first, then those that are aimed at the eye. Each is a point, and in the fourth bit whether it has more directions than others.
+// The including kernel defines POINTS_BINDING.
 #ifndef POINTS_GLSL
 #define POINTS_GLSL
 #include "constants.glsl"

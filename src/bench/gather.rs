@@ -10,7 +10,7 @@ use super::lit::Lit;
 use super::proxy::draw_cells;
 use super::{Timing, time, time_at};
 use crate::measure::processor_ms;
-use crate::passes::bench_rays::{BenchRays, RayConfig, RayInputs};
+use crate::passes::bench_rays::{BenchRays, RayConfig};
 use crate::passes::camera::{Camera, Content};
 use crate::passes::compact::ChunkArgs;
 use crate::passes::gather::{Gather, GatherConfig, Gathered};
@@ -18,7 +18,7 @@ use crate::passes::mips::Mips;
 use crate::passes::pilot::{Look, Pilot};
 use crate::passes::project::{Kept, Projection, Scattering, Source};
 use crate::passes::proxy::{Proxy, ProxyConfig};
-use crate::render::{auto, chunk_items};
+use crate::render::{auto, bands, chunk_items};
 use crate::scene::{Background, Sampling, Scene, Settings};
 use crate::shaders::constants;
 use crate::stats::median;
@@ -51,8 +51,6 @@ const PLAIN_DIRECTIONS: u32 = 16;
 const PLAIN_RUNS: usize = 5;
 /// Camera rays of a pixel.
 const CAMERA_RAYS: u32 = 16;
-/// Those of a dispatch, which should be short.
-const MOST_CAMERA_RAYS: u32 = 1 << 17;
 /// The order whose gather it is.
 const ORDER: u32 = 2;
 
@@ -314,12 +312,9 @@ impl<'a> World<'a> {
     /// A picture of what was solved for.
     fn picture(&self) -> Result<Vec<[f32; 4]>> {
         let Lit { data, emptiness, source, .. } = &self.lit;
-        let [width, height] = data.params.size;
-        let band = (MOST_CAMERA_RAYS / width).clamp(1, height);
         for sample in 0..CAMERA_RAYS {
             let mut rec = Recorder::new(self.ctx)?;
-            for begin in (0..height).step_by(band as usize) {
-                let rows = begin..height.min(begin + band);
+            for rows in bands(self.ctx, data.params.size) {
                 let (total, emitted, picture) = (&self.solution, &self.emitted, &self.picture);
                 self.camera.record(&mut rec, data, &emptiness.image, total, source, emitted, picture, sample, rows);
             }
@@ -350,16 +345,7 @@ impl<'a> World<'a> {
         let cells = draw_cells(&lit.cells.read_back(ctx)?, PLAIN_CELLS, lit.data.params.seed_low);
         let rays = cells.len() * PLAIN_DIRECTIONS as usize;
         let cells = ctx.upload("bench.cells", &cells)?;
-        let (values, means) = (self.proxy.bucket_id(), &self.means.means[0]);
-        let inputs = RayInputs {
-            source: &lit.source,
-            emptiness: &lit.emptiness.image,
-            skips: &lit.emptiness.image,
-            values,
-            bucket_light: self.proxy.bucket_light(),
-            coarse_values: [values; 2],
-            coarse_source: [means; 2],
-        };
+        let inputs = lit.ray_inputs(&self.proxy, &self.means.means[0]);
         let edge = constants::SKIP_SIZE;
         let pass = BenchRays::new(
             ctx,
@@ -391,8 +377,11 @@ pub fn run(ctx: &Context, scene: Scene, config: &Config, progress: &mut dyn FnMu
     let mut world = World::new(ctx, scene, &ways, config.pixels)?;
     let [traced_samples, proxy_reads] = world.samples()?;
     let plain_samples_per_second = world.plain_samples_per_second()?;
-    for &way in &ways {
-        world.gather(way)?; // lavapipe compiles at first use
+    // lavapipe compiles at first use.
+    for (i, &way) in ways.iter().enumerate() {
+        if ways[..i].iter().all(|before| before.sampling != way.sampling) {
+            world.gather(way)?;
+        }
     }
     world.solve()?;
     let first = world.picture()?;

@@ -1,9 +1,11 @@
 //! A scene with its light scattered once: what benches send rays through.
 
+use crate::passes::bench_rays::RayInputs;
 use crate::passes::classify::{Classify, Emitted};
 use crate::passes::compact::{ChunkArgs, List, Listed, Marks};
 use crate::passes::emptiness::Emptiness;
 use crate::passes::project::{Kept, Projection, Scattering, Source};
+use crate::passes::proxy::Proxy;
 use crate::passes::scene_data::SceneData;
 use crate::passes::single_scatter::SingleScatter;
 use crate::scene::Scene;
@@ -94,6 +96,19 @@ impl Lit {
         projection.record_solve(&mut rec, &self.data, &self.nodes, &args, source, None, &total, false);
         rec.submit_and_wait()?;
         Ok(())
+    }
+
+    /// What rays through the source, or through the buckets of `proxy`, read; `means` over its voxels take the place of coarser ones.
+    pub fn ray_inputs<'a>(&'a self, proxy: &'a Proxy, means: &'a Image) -> RayInputs<'a> {
+        RayInputs {
+            source: &self.source,
+            emptiness: &self.emptiness.image,
+            skips: &self.emptiness.image,
+            values: proxy.bucket_id(),
+            bucket_light: proxy.bucket_light(),
+            coarse_values: [proxy.bucket_id(); 2],
+            coarse_source: [means; 2],
+        }
     }
 
     /// Arguments for kernels over [`Lit::nodes`].

@@ -4,7 +4,7 @@
 use super::lit::Lit;
 use super::proxy::{DIRECTIONS, draw_cells, variance};
 use super::{Timing, time_passes};
-use crate::passes::bench_rays::{BenchRays, RayConfig, RayInputs};
+use crate::passes::bench_rays::{BenchRays, RayConfig};
 use crate::passes::mips::Mips;
 use crate::passes::proxy::{Proxy, ProxyConfig, ProxyCounts};
 use crate::render::chunk_items;
@@ -125,15 +125,7 @@ pub fn run(ctx: &Context, scene: Scene, config: &Config, progress: &mut dyn FnMu
     let follow = |structure, step, proxy: &Proxy| -> Result<Vec<f64>> {
         let config = RayConfig { structure, edge: constants::SKIP_SIZE, step, reach: 0.0 };
         let pass = BenchRays::new(ctx, config)?;
-        let inputs = RayInputs {
-            source: &lit.source,
-            emptiness: &lit.emptiness.image,
-            skips: &lit.emptiness.image,
-            values: proxy.bucket_id(),
-            bucket_light: proxy.bucket_light(),
-            coarse_values: [proxy.bucket_id(); 2],
-            coarse_source: [means; 2],
-        };
+        let inputs = lit.ray_inputs(proxy, means);
         let mut rec = Recorder::new(ctx)?;
         pass.record(&mut rec, data, inputs, &cells, DIRECTIONS, &results, None);
         rec.submit_and_wait()?;

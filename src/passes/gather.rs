@@ -3,7 +3,7 @@
 //! what the proxy says is taken as it is (`gather_base.comp`), and traced rays bring what it is off by.
 
 use super::compact::{Chunk, ChunkArgs, List};
-use super::points::packed_with_aimed;
+use super::points::{aimed_packed, packed};
 use super::project::{Kept, Scattering, Source};
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
@@ -13,6 +13,8 @@ use crate::abi::{GatherBasePush, GatherProxyPush, GatherSelectPush, GatherTraceP
 use crate::scene::{Sampling, Settings};
 use crate::shaders::{self, constants};
 use crate::vk::{Buffer, Context, Filter, Pipeline, Recorder};
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 /// What is gathered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +91,8 @@ pub struct Gather {
     /// Directions of one invocation of `gather_proxy.comp`.
     block: u32,
     is_anisotropic: bool,
+    /// By numbers of directions.
+    points: Mutex<BTreeMap<u32, Buffer<u32>>>,
 }
 
 /// Arguments of the three kernels' dispatches over one list.
@@ -158,6 +162,7 @@ impl Gather {
             chosen: ctx.device_buffer("gather.chosen", of_chunk(config.sampling.is_choice(), config.directions))?,
             block: rays_per_invocation(scene.params.dims, config.proxy_step).min(estimates.max(1)),
             is_anisotropic,
+            points: Mutex::default(),
             config,
         })
     }
@@ -199,8 +204,19 @@ impl Gather {
         } else {
             None
         };
-        let points = ctx.upload("gather.points", &packed_with_aimed(counts[1]))?;
-        Ok(GatherArgs { counts, estimate, trace: list.chunk_args(ctx, rec, 1)?, points })
+        Ok(GatherArgs { counts, estimate, trace: list.chunk_args(ctx, rec, 1)?, points: self.points(ctx, counts[1])? })
+    }
+
+    /// From which points `directions` directions are followed: the same for all lists and lights, so uploaded once.
+    fn points(&self, ctx: &Context, directions: u32) -> Result<Buffer<u32>> {
+        let mut known = self.points.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(points) = known.get(&directions) {
+            return Ok(points.clone());
+        }
+        let aimed = if self.is_anisotropic { aimed_packed(directions) } else { Vec::new() };
+        let points = ctx.upload("gather.points", &[packed(directions), aimed].concat())?;
+        known.insert(directions, points.clone());
+        Ok(points)
     }
 
     /// Gathers a chunk of cells: samples the light of `source`, scattered once more, and deposits it. `stream` keeps the

@@ -1,7 +1,7 @@
 //! The pilot of the sampling `auto`: a few cells' gathers in the data and in the proxy (`glsl/pilot.comp`).
 
 use super::compact::List;
-use super::points::{packed, points_of};
+use super::points::packed;
 use super::project::Source;
 use super::proxy::Proxy;
 use super::scene_data::SceneData;
@@ -86,7 +86,7 @@ impl Pilot {
         let directions = directions.clamp(1, MOST_DIRECTIONS);
         let block = BLOCK.min(budget).max(1);
         let parts = MOST_CELLS as u32 * constants::PILOT_REPLICATES * directions.div_ceil(block);
-        let points = |directions| ctx.upload("pilot.points", &packed(&points_of(directions)));
+        let points = |directions| ctx.upload("pilot.points", &packed(directions));
         Ok(Self {
             points: [points(Self::first_directions(directions))?, points(directions)?],
             first: Pipeline::new(ctx, &shaders::PILOT, &specialization(false))?,

@@ -75,6 +75,7 @@ fn dealt_out(count: u32) -> Vec<u32> {
     };
     for attempt in 0..tries {
         let [i, j] = [0; 2].map(|_: u32| (random() % count) as usize);
+        // It cools down to nothing from a part of what an exchange changes the error by.
         let temperature =
             0.05 * best.0 * (1.0 - f64::from(attempt) / f64::from(tries)).powi(2) / f64::from(count).sqrt();
         let chance = f64::from(unit_float(random()));
@@ -109,17 +110,19 @@ fn halves(count: u32) -> [u32; 2] {
     [count / 2, count - count / 2]
 }
 
-/// Directions that a point has, where this is not the least.
-fn has_more(points: &[u32], point: u32) -> bool {
-    points.iter().filter(|&&p| p == point).count() > points.len() / CELL_POINTS as usize
+/// Of every direction: does its point have one more than others?
+fn has_more(points: &[u32]) -> impl Iterator<Item = bool> {
+    let mut counts = [0; CELL_POINTS as usize];
+    points.iter().for_each(|&point| counts[point as usize] += 1);
+    points.iter().map(move |&point| counts[point as usize] > points.len() / counts.len())
 }
 
 /// Weights of directions that go from these points, over that of the mean of all: where every point has a direction, all points weigh
 /// the same.
 pub fn weights_of(points: &[u32]) -> Vec<f32> {
     let (count, all) = (points.len(), CELL_POINTS as usize);
-    let weight = |&point: &u32| count as f32 / (all * (count / all + usize::from(has_more(points, point)))) as f32;
-    if count < all { vec![1.0; count] } else { points.iter().map(weight).collect() }
+    let weight = |more: bool| count as f32 / (all * (count / all + usize::from(more))) as f32;
+    if count < all { vec![1.0; count] } else { has_more(points).map(weight).collect() }
 }
 
 /// The same of [`aimed_points_of`].
@@ -127,17 +130,20 @@ pub fn aimed_weights_of(count: u32) -> Vec<f32> {
     halves(count).map(|half| weights_of(&points_of(half))).concat()
 }
 
-/// Eight points to a word, as `glsl/include/points.glsl` reads them.
-pub(super) fn packed(points: &[u32]) -> Vec<u32> {
-    let dealt: Vec<u32> = points.iter().map(|&p| p | u32::from(has_more(points, p)) << 3).collect();
-    pack(&dealt)
+/// Eight to a word, as `glsl/include/points.glsl` reads them: points of `count` directions, each with whether it has more of them than
+/// others.
+pub(super) fn packed(count: u32) -> Vec<u32> {
+    pack(&dealt(count))
 }
 
-/// Even directions first, then those of [`aimed_points_of`].
-pub(super) fn packed_with_aimed(count: u32) -> Vec<u32> {
-    let more =
-        |points: Vec<u32>| -> Vec<u32> { points.iter().map(|&p| p | u32::from(has_more(&points, p)) << 3).collect() };
-    [packed(&points_of(count)), pack(&halves(count).map(|half| more(points_of(half))).concat())].concat()
+/// The same of [`aimed_points_of`], each half by itself.
+pub(super) fn aimed_packed(count: u32) -> Vec<u32> {
+    pack(&halves(count).map(dealt).concat())
+}
+
+fn dealt(count: u32) -> Vec<u32> {
+    let points = points_of(count);
+    points.iter().zip(has_more(&points)).map(|(&point, more)| point | u32::from(more) << 3).collect()
 }
 
 fn pack(dealt: &[u32]) -> Vec<u32> {
@@ -195,16 +201,17 @@ mod tests {
 
     #[test]
     fn points_are_packed_with_who_has_more() {
-        // Of nine directions one point has two.
-        let points = points_of(9);
-        let words = packed(&points);
-        assert_eq!(words.len(), 2);
-        for (k, &point) in points.iter().enumerate() {
-            let dealt = words[k / 8] >> (4 * (k % 8)) & 15;
-            assert_eq!(dealt & 7, point);
-            assert_eq!(dealt >> 3 == 1, points.iter().filter(|&&p| p == point).count() == 2, "{points:?}");
-        }
-        assert_eq!(packed_with_aimed(9).len(), 4);
-        assert_eq!(packed_with_aimed(9)[..2], words[..]);
+        // Of nine directions one point has two; each half by itself.
+        let check = |words: &[u32], points: &[u32]| {
+            assert_eq!(words.len(), points.len().div_ceil(8));
+            for (k, &point) in points.iter().enumerate() {
+                let dealt = words[k / 8] >> (4 * (k % 8)) & 15;
+                assert_eq!(dealt & 7, point);
+                let nine = &points[k / 9 * 9..k / 9 * 9 + 9];
+                assert_eq!(dealt >> 3 == 1, nine.iter().filter(|&&p| p == point).count() == 2, "{points:?}");
+            }
+        };
+        check(&packed(9), &points_of(9));
+        check(&aimed_packed(18), &aimed_points_of(18));
     }
 }

@@ -216,6 +216,13 @@ pub(crate) fn chunk_items(ctx: &Context, gather: Option<&GatherConfig>) -> u32 {
     gather.map_or(usual, |g| usual.min(g.max_chunk(chunk_bytes(ctx))).max(64))
 }
 
+/// Of so many rays along both axes the rows of one dispatch after the other, each with about as many rays as a chunk of voxels has.
+pub(crate) fn bands(ctx: &Context, [width, height]: [u32; 2]) -> impl Iterator<Item = Range<u32>> {
+    let most = if ctx.is_cpu() { 1 << 17 } else { 1 << 21 };
+    let band = (most / width).clamp(1, height);
+    (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
+}
+
 /// Bytes of a list that a chunk's cells may have.
 fn chunk_bytes(ctx: &Context) -> u64 {
     ctx.max_storage_bytes().min(if ctx.is_cpu() { 64 << 20 } else { 256 << 20 })
@@ -500,7 +507,7 @@ impl<'a> Renderer<'a> {
                 self.data.set_camera(self.ctx, eye)?;
                 let rays = see::rays(&self.data.params);
                 self.is_dense &= rays.is_dense;
-                for rows in self.bands(size.map(|n| n * rays.per_pixel)) {
+                for rows in bands(self.ctx, size.map(|n| n * rays.per_pixel)) {
                     let mut rec = Recorder::new(self.ctx)?;
                     rec.begin_pass("see", 0);
                     see.record(&mut rec, &self.data, self.extinction(), &self.emptiness.image, &self.marks, rows);
@@ -527,14 +534,6 @@ impl<'a> Renderer<'a> {
             }
         }
         Ok(())
-    }
-
-    /// Of so many rays along both axes the rows of one dispatch after the other, each with about as many rays as a chunk of
-    /// voxels has.
-    fn bands(&self, [width, height]: [u32; 2]) -> impl Iterator<Item = Range<u32>> {
-        let most = if self.ctx.is_cpu() { 1 << 17 } else { 1 << 21 };
-        let band = (most / width).clamp(1, height);
-        (0..height).step_by(band as usize).map(move |begin| begin..height.min(begin + band))
     }
 
     /// What the inner gathers give to cells of the given share, and what the last one does: the inner ones, whose light the eye sees
@@ -928,7 +927,7 @@ impl<'a> Renderer<'a> {
 
     fn take_picture(&self, queue: &mut Queue<'_>) -> Result<()> {
         for sample in 0..self.samples {
-            for rows in self.bands(self.data.params.size) {
+            for rows in bands(self.ctx, self.data.params.size) {
                 let work = self.row_work() * rows.len() as f64;
                 let mut rec = Recorder::new(self.ctx)?;
                 rec.begin_pass("camera", 0);
