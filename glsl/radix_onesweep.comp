@@ -43,6 +43,8 @@ layout(constant_id = 10) const uint AHEAD = 1u;
 // between them all is as for u32, ascending.
 layout(constant_id = 11) const uint KEY_KIND = KEY_U32;
 layout(constant_id = 12) const uint DESCENDING = 0u;
+// The tile goes through shared memory in so many parts, one after the other: what is shared limits the workgroups under way.
+layout(constant_id = 13) const uint ROUNDS = 1u;
 
 layout(set = 0, binding = 0, scalar) readonly buffer KeysIn { uint keys_in[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer PayloadsIn { uint payloads_in[]; };
@@ -65,10 +67,12 @@ const uint DIGITS_EACH = (RADIX_DIGITS + WORKGROUP - 1u) / WORKGROUP;
 const uint COUNTER_WORDS = RADIX_DIGITS / 2u;
 const uint WORDS_EACH = (COUNTER_WORDS + WORKGROUP - 1u) / WORKGROUP;
 const uint PLACE_WORDS = (KEYS + 1u) / 2u; // half a word per row
+const uint ROUND_KEYS = (KEYS + ROUNDS - 1u) / ROUNDS; // rows of a round in sorted order
 const uint PADDING = 0xFFFFFFFFu;
 const uint NO_ROW = 0xFFFFFFFFu;
 
-// First each subgroup's digit counters (then: next places) and masks, then the tile's keys in sorted order, then its payloads.
+// First each subgroup's digit counters (then: next places) and masks, then a round of the tile's keys in sorted order, then of its
+// payloads.
 shared uint scratch[SCRATCH_WORDS];
 // Per digit: its first place in the tile and, 16 bits up, the tile's count, then (fallback) a blocking tile's count, then what to
 // add to a place in the tile to get the place in the output.
@@ -184,6 +188,16 @@ void take_places(uint keys[KEYS], bool by_masks, out uint places[PLACE_WORDS]) {
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint place = take_place(digit_in(window, keys[row]), by_masks && is_mask_row(row));
         places[row / 2u] = row % 2u == 0u ? place : places[row / 2u] | place << 16u;
+    }
+}
+
+// Puts those of the tile's words whose places are in `round` there.
+void share(uint words[KEYS], uint places[PLACE_WORDS], uint round) {
+    [[unroll]] for (uint row = 0u; row < KEYS; row++) {
+        uint place = half_of(places[row / 2u], row) - round * ROUND_KEYS * WORKGROUP; // earlier ones wrap around
+        if (ROUNDS == 1u || place < ROUND_KEYS * WORKGROUP) {
+            scratch[place] = words[row];
+        }
     }
 }
 
@@ -405,9 +419,7 @@ void main() {
         counts[i] = both >> 16u;
     }
     barrier(); // the counters are dead from here
-    [[unroll]] for (uint row = 0u; row < KEYS; row++) {
-        scratch[half_of(places[row / 2u], row)] = keys[row];
-    }
+    share(keys, places, 0u);
     if (CARRY == CARRY_GIVEN) {
         // Summed up from row 0, whose state has come along.
         for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
@@ -423,8 +435,14 @@ void main() {
     uint written[(KEYS + 3u) / 4u];
     window = shared_window;
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
+        uint slot = row % ROUND_KEYS * WORKGROUP + self;
+        if (row != 0u && row % ROUND_KEYS == 0u) {
+            barrier(); // the round before has been read
+            share(keys, places, row / ROUND_KEYS);
+            barrier();
+        }
         uint place = row * WORKGROUP + self;
-        uint key = place < valid_keys ? scratch[place] : 0u;
+        uint key = place < valid_keys ? scratch[slot] : 0u;
         uint digit = digit_in(window, key);
         if (place < valid_keys) {
             keys_out[place + digits[digit]] = leaving_key(key);
@@ -438,19 +456,22 @@ void main() {
     if (PAYLOADS == 0u) {
         return;
     }
-    barrier();
+    uint payloads[KEYS];
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
-        if (index < end) {
-            scratch[half_of(places[row / 2u], row)] = payloads_in[index];
-        }
+        payloads[row] = index < end ? payloads_in[index] : 0u;
     }
-    barrier();
     [[unroll]] for (uint row = 0u; row < KEYS; row++) {
+        uint slot = row % ROUND_KEYS * WORKGROUP + self;
+        if (row % ROUND_KEYS == 0u) {
+            barrier(); // the keys, or the round before, have been read
+            share(payloads, places, row / ROUND_KEYS);
+            barrier();
+        }
         uint place = row * WORKGROUP + self;
         if (place < valid_keys) {
             uint digit = written[row / 4u] >> 8u * (row % 4u) & 0xFFu;
-            payloads_out[place + digits[digit]] = scratch[place];
+            payloads_out[place + digits[digit]] = scratch[slot];
         }
     }
 }

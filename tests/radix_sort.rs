@@ -19,6 +19,7 @@ use tyndall::vk::{Context, Recorder, Validation};
 const SMALL_TILES: RadixSortConfig = RadixSortConfig {
     workgroup: Some(128),
     keys: 1,
+    rounds: 1,
     payloads: true,
     kind: KeyKind::U32,
     descending: false,
@@ -128,11 +129,14 @@ fn exact_in_every_shape_and_by_all_ways_of_matching() {
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..1] } else { &shapes };
         let random_words = Random(2).words(20_021);
         for &(workgroup, keys) in shapes {
-            for (broadcast_up_to, mask_rows, ahead) in [(0, 0, 1), (128, 0, 4), (0, 2, 3), (0, 32, 1)] {
+            for (broadcast_up_to, mask_rows, ahead, rounds) in
+                [(0, 0, 1, 1), (128, 0, 4, 2), (0, 2, 3, 3), (0, 32, 1, 1)]
+            {
                 let config = RadixSortConfig {
                     // Masks of more subgroups of 4 do not fit the shared memory.
                     workgroup: Some(if mask_rows > 0 { 64 } else { workgroup }),
                     keys,
+                    rounds,
                     broadcast_up_to,
                     mask_rows,
                     ahead,

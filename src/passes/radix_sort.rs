@@ -43,6 +43,8 @@ pub struct RadixSortConfig {
     pub workgroup: Option<u32>,
     /// Keys per invocation, 1 to 32.
     pub keys: u32,
+    /// In how many rounds they go through shared memory: more take less of it, so that larger tiles fit. 1 to `keys`.
+    pub rounds: u32,
     /// Whether every key has a payload.
     pub payloads: bool,
     /// What the keys are.
@@ -73,6 +75,7 @@ impl Default for RadixSortConfig {
         Self {
             workgroup: None,
             keys: 15,
+            rounds: 1,
             payloads: true,
             kind: KeyKind::U32,
             descending: false,
@@ -145,10 +148,10 @@ struct Shared {
 }
 
 impl Shared {
-    /// The scratch holds a tile of keys, or for every subgroup two digit counters to a word and a mask per digit.
-    fn of(workgroup: u32, keys: u32, has_masks: bool, min_subgroup_size: u32) -> Self {
+    /// The scratch holds a round of a tile's keys, or for every subgroup two digit counters to a word and a mask per digit.
+    fn of(workgroup: u32, round_keys: u32, has_masks: bool, min_subgroup_size: u32) -> Self {
         let words = constants::RADIX_DIGITS / 2 + if has_masks { constants::RADIX_DIGITS } else { 0 };
-        let scratch_words = (workgroup * keys).max(workgroup / min_subgroup_size * words);
+        let scratch_words = (workgroup * round_keys).max(workgroup / min_subgroup_size * words);
         // The digits, the partial sums of the subgroups; the ticket, the window and a word to align it, what the keys are like, the
         // row that is missing.
         let small = constants::RADIX_DIGITS + workgroup / min_subgroup_size + 1 + 3 + 1 + 1;
@@ -160,11 +163,12 @@ impl RadixSort {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, config: RadixSortConfig) -> Result<Self> {
         assert!((1..=32).contains(&config.keys), "{} keys; radix_onesweep.comp takes 1 to 32", config.keys);
+        assert!((1..=config.keys).contains(&config.rounds), "{} rounds of {} keys", config.rounds, config.keys);
         assert!((1..=32).contains(&config.ahead), "{} status words at once", config.ahead);
         let narrow = ctx.min_subgroup_size();
         let limit = ctx.max_shared_bytes();
         let has_masks = config.mask_rows > 0 && ctx.max_subgroup_size() <= 32;
-        let shared = |workgroup| Shared::of(workgroup, config.keys, has_masks, narrow);
+        let shared = |workgroup| Shared::of(workgroup, config.keys.div_ceil(config.rounds), has_masks, narrow);
         let workgroup = config.workgroup.unwrap_or(if shared(256).bytes <= limit { 256 } else { 128 });
         let shared = shared(workgroup);
         lookback::check_workgroup(ctx, "radix sort", workgroup)?;
@@ -179,7 +183,9 @@ impl RadixSort {
                     "{keys} keys for each of {workgroup} invocations in subgroups of {narrow}: {} bytes",
                     shared.bytes
                 ),
-                format!("the device shares {limit} bytes among a workgroup: use fewer keys or smaller workgroups"),
+                format!(
+                    "the device shares {limit} bytes among a workgroup: use fewer keys, more rounds or smaller workgroups"
+                ),
             ));
         }
         let (kind, descending) = (("KEY_KIND", config.kind.code()), ("DESCENDING", config.descending.into()));
@@ -192,6 +198,7 @@ impl RadixSort {
             ("SPIN_LIMIT", config.spin_limit),
             ("WITHHOLD", config.withhold),
             ("KEYS", config.keys),
+            ("ROUNDS", config.rounds),
             ("BROADCAST_UP_TO", config.broadcast_up_to),
             ("SCRATCH_WORDS", shared.scratch_words),
             ("PAYLOADS", config.payloads.into()),

@@ -107,6 +107,10 @@ pub struct SortArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
     keys: Option<u32>,
 
+    /// In how many rounds the keys of a tile go through shared memory, instead of the device's usual number.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
+    rounds: Option<u32>,
+
     /// Of an invocation's keys, for how many equal digits are found by masks in shared memory.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=32), help_heading = "Bench")]
     mask_rows: Option<u32>,
@@ -176,12 +180,17 @@ pub fn run_sort(args: &SortArgs) -> Result<String> {
         let shape = RadixSortConfig {
             workgroup: args.workgroup.or(usual.workgroup),
             keys: args.keys.unwrap_or(usual.keys),
+            rounds: args.rounds.unwrap_or(usual.rounds),
             mask_rows: args.mask_rows.unwrap_or(usual.mask_rows),
             ahead: args.ahead.unwrap_or(usual.ahead),
             histogram_workgroup: args.histogram_workgroup.unwrap_or(usual.histogram_workgroup),
             spin_limit: args.spin_limit.unwrap_or(usual.spin_limit),
             ..usual
         };
+        if shape.rounds > shape.keys {
+            let text = format!("{} rounds for the {} keys of an invocation", shape.rounds, shape.keys);
+            return Err(Error::input("--rounds", text, "give at most as many as keys"));
+        }
         primitives::sort(ctx, config, shape, progress)
     })
 }
