@@ -4,7 +4,7 @@
 // tiles' digits, and another sums them: the classical three steps, with the same ranking and hence the same result.
 //
 // Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by take_tile.
-// Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots, by masks or, when it is narrow, by broadcasts.
+// Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots or by masks.
 // Buffers: keys_in, payloads_in -> keys_out, payloads_out (not the same memory); status (zero before the first pass):
 //   RADIX_PASSES tickets and as many words that say what each pass's keys are like, then per pass `rows` rows of
 //   RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of tile t. Counts stay below 2^30, the width of a status
@@ -25,8 +25,6 @@
 #include "include/tile_status.glsl"
 
 layout(constant_id = 4) const uint KEYS = 15u; // per invocation, at most 32 (FALLBACK_STEPS)
-// Widest subgroup that finds equal digits by one broadcast per lane instead of one ballot per bit.
-layout(constant_id = 5) const uint BROADCAST_UP_TO = 8u;
 // At least WORKGROUP * KEYS, and the counters (and masks) of every subgroup that the workgroup may have.
 layout(constant_id = 6) const uint SCRATCH_WORDS = 8192u;
 
@@ -34,8 +32,8 @@ layout(constant_id = 6) const uint SCRATCH_WORDS = 8192u;
 layout(constant_id = 7) const uint PAYLOADS = 1u;
 // Words of a ballot that are used: 1 where no subgroup has more than 32 lanes, else 4.
 layout(constant_id = 8) const uint BALLOT_WORDS = 4u;
-// Of an invocation's KEYS rows, how many find equal digits by a mask of lanes per digit in shared memory, instead of ballots or
-// broadcasts; none where a digit is frequent (RADIX_SKEWED): lanes wait for each other there. Needs BALLOT_WORDS 1.
+// Of an invocation's KEYS rows, how many find equal digits by a mask of lanes per digit in shared memory, instead of ballots;
+// none where a digit is frequent (RADIX_SKEWED): lanes wait for each other there. Needs BALLOT_WORDS 1.
 layout(constant_id = 9) const uint MASK_ROWS = 0u;
 // Status words that a step of look-back loads at once, so that their latencies overlap.
 layout(constant_id = 10) const uint AHEAD = 1u;
@@ -116,15 +114,7 @@ uint key_index(uint tile, uint row) {
 
 // The lanes of the subgroup that have the same digit: `rank` = how many of them come before this lane, `size` = how many there are.
 void match_digit(uint digit, out uint rank, out uint size) {
-    if (gl_SubgroupSize <= BROADCAST_UP_TO) {
-        rank = 0u;
-        size = 0u;
-        for (uint lane = 0u; lane < gl_SubgroupSize; lane++) {
-            bool same = subgroupBroadcast(digit, lane) == digit;
-            rank += same && lane < gl_SubgroupInvocationID ? 1u : 0u;
-            size += same ? 1u : 0u;
-        }
-    } else if (BALLOT_WORDS == 1u) {
+    if (BALLOT_WORDS == 1u) {
         uint same = 0xFFFFFFFFu;
         [[unroll]] for (uint bit = 0u; bit < RADIX_BITS; bit++) {
             bool own = (digit >> bit & 1u) != 0u;

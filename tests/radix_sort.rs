@@ -27,7 +27,6 @@ const SMALL_TILES: RadixSortConfig = RadixSortConfig {
     carry: Carry::LookBack,
     spin_limit: 64,
     withhold: 0,
-    broadcast_up_to: 8,
     mask_rows: 0,
     ahead: 1,
     histogram_workgroup: 128,
@@ -129,15 +128,12 @@ fn exact_in_every_shape_and_by_all_ways_of_matching() {
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..1] } else { &shapes };
         let random_words = Random(2).words(20_021);
         for &(workgroup, keys) in shapes {
-            for (broadcast_up_to, mask_rows, ahead, rounds) in
-                [(0, 0, 1, 1), (128, 0, 4, 2), (0, 2, 3, 3), (0, 32, 1, 1)]
-            {
+            for (mask_rows, ahead, rounds) in [(0, 1, 1), (0, 4, 2), (2, 3, 3), (32, 1, 1)] {
                 let config = RadixSortConfig {
                     // Masks of more subgroups of 4 do not fit the shared memory.
                     workgroup: Some(if mask_rows > 0 { 64 } else { workgroup }),
                     keys,
                     rounds,
-                    broadcast_up_to,
                     mask_rows,
                     ahead,
                     ..Default::default()

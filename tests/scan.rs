@@ -25,6 +25,7 @@ const SMALL_TILES: ScanConfig = ScanConfig {
     ends_amid: false,
     workgroup: 64,
     vectors: 1,
+    blocked: false,
     carry: Carry::LookBack,
     spin_limit: 64,
     withhold: 0,
@@ -88,11 +89,19 @@ fn exact_at_every_size_between_one_and_two_tiles() {
 fn exact_in_every_shape() {
     gpu_test(|ctx| {
         // GPU-assisted validation makes pipelines of long unrolled loops take minutes, and shapes change no address.
-        let shapes = [(256, 1), (128, 3), (64, 32), (128, 4), (512, 2)];
+        let shapes = [
+            (256, 1, false),
+            (128, 4, true),
+            (128, 3, false),
+            (64, 32, false),
+            (128, 4, false),
+            (512, 2, false),
+            (64, 128, true),
+        ];
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..2] } else { &shapes };
-        for &(workgroup, vectors) in shapes {
+        for &(workgroup, vectors, blocked) in shapes {
             for inclusive in [false, true] {
-                let config = ScanConfig { inclusive, workgroup, vectors, ..ScanConfig::default() };
+                let config = ScanConfig { inclusive, workgroup, vectors, blocked, ..ScanConfig::default() };
                 check_sizes(ctx, config, &[1, 1_000, 50_021]);
             }
         }
@@ -116,7 +125,7 @@ fn exact_at_the_largest_sizes() {
 #[test]
 #[ignore = "long: every size in one sweep of the default tile"]
 fn exact_at_every_size_between_one_and_two_default_tiles() {
-    gpu_test(|ctx| check_sizes(ctx, Tuning::of(ctx).scan, &(4096..=8192).collect::<Vec<_>>()));
+    gpu_test(|ctx| check_sizes(ctx, ScanConfig::default(), &(4096..=8192).collect::<Vec<_>>()));
 }
 
 #[test]

@@ -59,8 +59,6 @@ pub struct RadixSortConfig {
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
     pub withhold: u32,
-    /// Widest subgroup that finds equal digits by broadcasts instead of ballots.
-    pub broadcast_up_to: u32,
     /// Of an invocation's keys, for how many equal digits are found by masks in shared memory, where subgroups have at most 32
     /// lanes and digits are not skewed; for the others by ballots.
     pub mask_rows: u32,
@@ -83,7 +81,6 @@ impl Default for RadixSortConfig {
             carry: Carry::LookBack,
             spin_limit: 64,
             withhold: 0,
-            broadcast_up_to: 8,
             mask_rows: 0,
             ahead: 1,
             histogram_workgroup: 256,
@@ -199,7 +196,6 @@ impl RadixSort {
             ("WITHHOLD", config.withhold),
             ("KEYS", config.keys),
             ("ROUNDS", config.rounds),
-            ("BROADCAST_UP_TO", config.broadcast_up_to),
             ("SCRATCH_WORDS", shared.scratch_words),
             ("PAYLOADS", config.payloads.into()),
             ("BALLOT_WORDS", if ctx.max_subgroup_size() <= 32 { 1 } else { 4 }),

@@ -17,14 +17,25 @@ pub struct ScanConfig {
     pub ends_amid: bool,
     /// Invocations of a workgroup: a multiple of the subgroup size.
     pub workgroup: u32,
-    /// Vectors of four items per invocation, 1 to 32.
+    /// Vectors of four items per invocation, 1 to 32; if `blocked`, a multiple of 4 up to 128.
     pub vectors: u32,
+    /// Whether an invocation owns a run of vectors, instead of every so-manieth of its subgroup's: fewer operations of a subgroup,
+    /// and loads of neighbouring invocations that are apart, which only a processor does not mind.
+    pub blocked: bool,
     /// How sums get from tile to tile.
     pub carry: Carry,
     /// Polls of a missing predecessor before its tile is computed in its place.
     pub spin_limit: u32,
     /// When not 0, every so-manieth tile behaves as if suspended for ever.
     pub withhold: u32,
+}
+
+impl ScanConfig {
+    /// Can an invocation have so many vectors? `ROWS_EACH` of scan.comp are an iteration of its loops.
+    pub fn vectors_fit(&self) -> bool {
+        let each = if self.blocked { 4 } else { 1 };
+        self.vectors.is_multiple_of(each) && (1..=constants::FALLBACK_STEPS).contains(&(self.vectors / each))
+    }
 }
 
 impl Default for ScanConfig {
@@ -35,6 +46,7 @@ impl Default for ScanConfig {
             ends_amid: false,
             workgroup: 256,
             vectors: 4,
+            blocked: false,
             carry: Carry::LookBack,
             spin_limit: 64,
             withhold: 0,
@@ -75,7 +87,7 @@ impl ScanScratch {
 impl Scan {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, config: ScanConfig) -> Result<Self> {
-        assert!((1..=32).contains(&config.vectors), "{} vectors; scan.comp takes 1 to 32", config.vectors);
+        assert!(config.vectors_fit(), "{config:?}");
         lookback::check_workgroup(ctx, "scan", config.workgroup)?;
         let specialization = [
             ("WORKGROUP", config.workgroup),
@@ -83,6 +95,7 @@ impl Scan {
             ("SPIN_LIMIT", config.spin_limit),
             ("WITHHOLD", config.withhold),
             ("VECTORS", config.vectors),
+            ("BLOCKED", config.blocked.into()),
             ("INCLUSIVE_SCAN", config.inclusive.into()),
             ("TOTAL", config.total.into()),
             ("ENDS_AMID", config.ends_amid.into()),

@@ -54,9 +54,19 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// What is right for any device, and was measured on lavapipe.
+    /// What is right for any device.
     pub fn portable() -> Self {
         Self { scan: ScanConfig::default(), sort: RadixSortConfig::default() }
+    }
+
+    /// Measured on lavapipe. There what no lane does costs as much as what all do, operations of a subgroup go lane by lane, and
+    /// caches are large: so few of them per item, by runs of items.
+    fn processor() -> Self {
+        let portable = Self::portable();
+        Self {
+            scan: ScanConfig { workgroup: 64, vectors: 128, blocked: true, ..portable.scan },
+            sort: RadixSortConfig { keys: 24, ..portable.sort },
+        }
     }
 
     /// Measured on an H200 and an H100. Their workgroups that have started go on running, so that waiting for a while, some 0.2 ms,
@@ -82,7 +92,13 @@ impl Tuning {
     pub fn of(ctx: &Context) -> Self {
         // Other subgroup sizes than that measured get what fits every size.
         let is_nvidia = ctx.vendor_id() == NVIDIA && ctx.min_subgroup_size() == 32 && ctx.max_subgroup_size() == 32;
-        let Self { scan, sort } = if is_nvidia { Self::nvidia() } else { Self::portable() };
+        let Self { scan, sort } = if is_nvidia {
+            Self::nvidia()
+        } else if ctx.is_cpu() {
+            Self::processor()
+        } else {
+            Self::portable()
+        };
         let carry = carry_on(ctx);
         Self { scan: ScanConfig { carry, ..scan }, sort: RadixSortConfig { carry, ..sort } }
     }
@@ -95,7 +111,7 @@ mod tests {
 
     #[test]
     fn the_loop_budget_has_room_for_several_tiles_that_do_not_come_forth() {
-        for Tuning { scan, sort } in [Tuning::portable(), Tuning::nvidia()] {
+        for Tuning { scan, sort } in [Tuning::portable(), Tuning::processor(), Tuning::nvidia()] {
             for (spin_limit, steps_each) in [(scan.spin_limit, 1), (sort.spin_limit, sort.ahead)] {
                 let each = (spin_limit + 1) * steps_each + constants::FALLBACK_STEPS;
                 assert!(10 * each < constants::LOOKBACK_BUDGET, "{each} of {}", constants::LOOKBACK_BUDGET);

@@ -64,8 +64,12 @@ pub struct ScanArgs {
     workgroup: Option<u32>,
 
     /// Vectors of four items of an invocation instead of the device's usual number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=128), help_heading = "Bench")]
     vectors: Option<u32>,
+
+    /// Whether an invocation owns a run of vectors, instead of every so-manieth of its subgroup's.
+    #[arg(long, value_name = "BOOL", help_heading = "Bench")]
+    blocked: Option<bool>,
 
     /// Polls of a missing predecessor before its tile is computed in its place.
     #[arg(long, value_name = "N", help_heading = "Bench")]
@@ -166,9 +170,18 @@ pub fn run_scan(args: &ScanArgs) -> Result<String> {
         let shape = ScanConfig {
             workgroup: args.workgroup.unwrap_or(usual.workgroup),
             vectors: args.vectors.unwrap_or(usual.vectors),
+            blocked: args.blocked.unwrap_or(usual.blocked),
             spin_limit: args.spin_limit.unwrap_or(usual.spin_limit),
             ..usual
         };
+        if !shape.vectors_fit() {
+            let text = format!("{} vectors for an invocation", shape.vectors);
+            return Err(Error::input(
+                "--vectors",
+                text,
+                "give 1 to 32, or with --blocked true a multiple of 4 up to 128",
+            ));
+        }
         primitives::scan(ctx, config, shape, progress)
     })
 }
