@@ -40,7 +40,8 @@ fn scans(bench: &mut Bench<'_>) -> Result<()> {
     let ctx = bench.ctx;
     let tuned = Tuning::of(ctx).scan;
     // Withheld tiles make later ones compute them; with 100 full tiles, all withheld ones have a successor.
-    let suspended = ScanConfig { workgroup: NARROW, vectors: 1, withhold: 3, carry: Carry::LookBack, ..tuned };
+    let suspended =
+        ScanConfig { workgroup: NARROW, vectors: 1, blocked: false, withhold: 3, carry: Carry::LookBack, ..tuned };
     let tile = Scan::new(ctx, tuned)?.tile() as usize;
     let lane = ctx.device_info().subgroup_size as usize;
     let awkward = [1, lane + 1, 257, tile - 1, tile, tile + 1, 3 * tile + 5, 1_000_003];
