@@ -25,7 +25,7 @@
 #include "include/tile_status.glsl"
 
 layout(constant_id = 4) const uint KEYS = 15u; // per invocation, at most 32 (FALLBACK_STEPS)
-// At least WORKGROUP * KEYS, and the counters (and masks) of every subgroup that the workgroup may have.
+// At least WORKGROUP * ROUND_KEYS, and the counters (and masks) of every subgroup that the workgroup may have.
 layout(constant_id = 6) const uint SCRATCH_WORDS = 8192u;
 
 // Whether keys have payloads; without, the buffers of payloads are not touched.

@@ -14,7 +14,7 @@
 #include "include/lookback.glsl"
 #extension GL_EXT_control_flow_attributes : require
 
-layout(constant_id = 4) const uint VECTORS = 4u; // per invocation, at most 32 (FALLBACK_STEPS), times ROWS_EACH
+layout(constant_id = 4) const uint VECTORS = 4u; // per invocation, at most 32 (FALLBACK_STEPS); of a run SCAN_RUN_VECTORS times as many
 layout(constant_id = 5) const uint INCLUSIVE_SCAN = 0u;
 // Whether the total is wanted. Then at least one workgroup runs.
 layout(constant_id = 6) const uint TOTAL = 0u;
@@ -36,7 +36,6 @@ layout(push_constant, scalar) uniform ScanPush {
 };
 
 const uint TILE = WORKGROUP * VECTORS; // in vectors
-const uint ROWS_EACH = 1u + 3u * BLOCKED; // vectors of an iteration; VECTORS are a multiple
 
 // Subgroup k owns the k-th part of a tile: row by row, or lane by lane.
 uint vector_index(uint tile, uint row) {
@@ -69,7 +68,7 @@ uvec4 sums_of(uvec4 value, uint before) {
     return INCLUSIVE_SCAN != 0u ? exclusive + value : exclusive;
 }
 
-// Of the vector that the end cuts: not one word more than was asked for.
+// Of the vector that the end cuts, if it cuts one: not one word more than was asked for.
 void store_cut(uvec4 result, uint end) {
     for (uint c = 0u; c < end % 4u; c++) {
         sum_words[end / 4u * 4u + c] = result[c];
@@ -87,15 +86,15 @@ uint tile_share(uint tile) {
     }
     uint first = vector_index(tile, 0u);
     uint full = end / 4u; // vectors that the end does not cut
-    [[dont_unroll]] for (uint row = 0u; row < VECTORS; row += ROWS_EACH) {
-        [[unroll]] for (uint k = 0u; k < ROWS_EACH; k++) {
+    [[dont_unroll]] for (uint row = 0u; row < VECTORS; row += SCAN_RUN_VECTORS) {
+        [[unroll]] for (uint k = 0u; k < SCAN_RUN_VECTORS; k++) {
             uint index = first + row + k;
             if (index < full) {
                 sum += sum_of(items[index]);
             }
         }
     }
-    if (full - first < VECTORS && end % 4u != 0u) {
+    if (full - first < VECTORS) {
         sum += sum_of(load_items(full, end));
     }
     return sum;
@@ -142,8 +141,8 @@ TileScan scan_runs(uint tile, uint end) {
     uint before = scan.before + inclusive - own;
     uint first = vector_index(tile, 0u);
     uint full = end / 4u; // vectors that the end does not cut
-    [[dont_unroll]] for (uint row = 0u; row < VECTORS; row += ROWS_EACH) {
-        [[unroll]] for (uint k = 0u; k < ROWS_EACH; k++) {
+    [[dont_unroll]] for (uint row = 0u; row < VECTORS; row += SCAN_RUN_VECTORS) {
+        [[unroll]] for (uint k = 0u; k < SCAN_RUN_VECTORS; k++) {
             uint index = first + row + k;
             if (index < full) {
                 uvec4 value = items[index];
@@ -153,7 +152,7 @@ TileScan scan_runs(uint tile, uint end) {
         }
     }
     // Once, not per vector: where a processor stands in for a GPU, branches that no lane takes cost as much as those that all take.
-    if (full - first < VECTORS && end % 4u != 0u) {
+    if (full - first < VECTORS) {
         store_cut(sums_of(load_items(full, end), before), end);
     }
     return scan;

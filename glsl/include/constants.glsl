@@ -61,6 +61,8 @@ const uint RADIX_ALIKE = 1u;
 const uint RADIX_SKEWED = 2u;
 // A digit is frequent if more than one key in so many has it.
 const uint RADIX_FREQUENT = 8u;
+// Vectors of a lane's run that scan.comp adds up in one iteration.
+const uint SCAN_RUN_VECTORS = 4u;
 // Keys that an invocation of radix_histogram.comp has under way together.
 const uint RADIX_STEP_KEYS = 16u;
 // How often it may take so many: the loops over all passes stay within half of MAX_ITERATIONS then.

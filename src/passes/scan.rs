@@ -31,10 +31,10 @@ pub struct ScanConfig {
 }
 
 impl ScanConfig {
-    /// Can an invocation have so many vectors? `ROWS_EACH` of scan.comp are an iteration of its loops.
+    /// Can an invocation have so many vectors? The loops of scan.comp take 1 to 32 steps.
     pub fn vectors_fit(&self) -> bool {
-        let each = if self.blocked { 4 } else { 1 };
-        self.vectors.is_multiple_of(each) && (1..=constants::FALLBACK_STEPS).contains(&(self.vectors / each))
+        let each = if self.blocked { constants::SCAN_RUN_VECTORS } else { 1 };
+        self.vectors.is_multiple_of(each) && (1..=32).contains(&(self.vectors / each))
     }
 }
 
@@ -200,5 +200,17 @@ impl Scan {
         let dispatched = if self.total { count.at_least_one() } else { count };
         let groups = Groups::of_tiles(dispatched, self.tile, &memory.args);
         self.kernel.run(rec, &binds, &push, groups, &Columns::of_tiles(&memory.status, diagnostics, tiles));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_invocation_has_as_many_vectors_as_the_loops_take() {
+        let fit = |blocked, vectors| ScanConfig { blocked, vectors, ..ScanConfig::default() }.vectors_fit();
+        assert!([1, 3, 32].iter().all(|&n| fit(false, n)) && ![0, 33, 64].iter().any(|&n| fit(false, n)));
+        assert!([4, 12, 128].iter().all(|&n| fit(true, n)) && ![0, 3, 130, 132].iter().any(|&n| fit(true, n)));
     }
 }
