@@ -7,12 +7,14 @@
 // Grid: x, y = pixels of a band of rows.
 #define ENVIRONMENT_BINDING 3
 #define LIGHTS_BINDING 7
+#define SCATTERING_BINDING 6
 #define SCENE_COPIED
-#include "include/transfer.glsl"
+#include "include/opacity.glsl"
 #include "include/march.glsl"
 #include "include/rng.glsl"
 #include "include/delta_lights.glsl"
 #include "include/environment.glsl"
+#include "include/scattering.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -38,7 +40,6 @@ layout(set = 0, binding = 10) uniform sampler3D total_y;
 layout(set = 0, binding = 11) uniform sampler3D total_z;
 // rgb = emitted source.
 layout(set = 0, binding = 8) uniform sampler3D emitted;
-layout(set = 0, binding = 6) uniform sampler3D scalar;
 // Mean over the samples so far, times samples: radiance premultiplied by alpha, and alpha.
 layout(set = 0, binding = 4, rgba32f) uniform image2D picture;
 
@@ -58,24 +59,6 @@ layout(push_constant, scalar) uniform CameraPush {
     uint start_stride;
 };
 
-// Albedo at `p` (index space): σ_s and σ_t interpolated, then divided (DESIGN section 1).
-vec3 albedo_at(vec3 p) {
-    vec3 corner = p - 0.5;
-    ivec3 low = ivec3(floor(corner));
-    vec3 f = corner - vec3(low);
-    vec3 scattering = vec3(0.0);
-    float sum = 0.0;
-    for (uint n = 0u; n < 8u; n++) {
-        ivec3 offset = ivec3(n & 1u, n >> 1u & 1u, n >> 2u);
-        vec3 w = mix(1.0 - f, f, equal(offset, ivec3(1)));
-        ivec3 voxel = clamp(low + offset, ivec3(0), ivec3(scene.dims) - 1);
-        Material m = classify(texelFetch(scalar, voxel, 0).r);
-        scattering += (w.x * w.y * w.z * m.extinction) * albedo_of(m);
-        sum += w.x * w.y * w.z * m.extinction;
-    }
-    return sum > 0.0 ? scattering / sum : vec3(0.0);
-}
-
 // Radiance that delta lights send towards the eye by one scattering at `p`, times `seen`.
 vec3 lit_radiance(vec3 p, vec3 to_eye, float seen, uint key) {
     vec3 world = world_from_index(p);
@@ -89,6 +72,37 @@ vec3 lit_radiance(vec3 p, vec3 to_eye, float seen, uint key) {
         sum += light.irradiance * (t * phase_hg(scene.g, dot(light.travel, to_eye)));
     }
     return albedo_at(p) * sum * (seen * float(light_count) / float(lights_per_sample));
+}
+
+// Part of a ray's step: where the step begins, how long it is, and which share of its optical depth is meant.
+struct PartOfStep {
+    float begin;
+    float stride;
+    float share;
+};
+
+// The step in which the depth along `ray` meets `target`, with a first step of `stride`.
+PartOfStep step_of_depth(Ray ray, float stride, float target) {
+    PartOfStep found = PartOfStep(0.0, 0.0, 0.0);
+    float before = 0.0;
+    float t = 0.0;
+    while (t < ray.end && before < target) {
+        stride = min(stride, ray.end - t);
+        vec3 p;
+        float sigma = 0.0;
+        for (uint k = 0u; k < STEP_SAMPLES; k++) {
+            p = ray.origin + ray.direction * (t + GAUSS[k] * stride);
+            sigma += textureLod(extinction, p / vec3(scene.dims), 0.0).a;
+        }
+        float tau = sigma * scene.max_extinction * 0.5 * stride;
+        if (tau > 0.0) {
+            found = PartOfStep(t, stride, min((target - before) / tau, 1.0));
+        }
+        before += tau;
+        t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
+        stride = ray.dt;
+    }
+    return found;
 }
 
 // This sample's coordinate on the lattice, shifted around the unit circle.
@@ -118,6 +132,11 @@ void main() {
     float t = 0.0;
     // The first step is shortened at random: steps of one length everywhere show as bands.
     float stride = start * ray.dt;
+    // Delta lights are seen where the eye has seen the share `u` of what it sees of the medium. Of a medium that hides what is behind it
+    // that is all there is, and the step is found on the way.
+    float u = on_lattice(depth_stride, random_float(key, 3u));
+    float target = optical_depth_of_opacity(u);
+    PartOfStep lit = PartOfStep(0.0, 0.0, 0.0);
     // The host keeps the steps of the longest ray within MAX_ITERATIONS.
     while (t < ray.end && through > LEAST_TRANSMITTANCE) {
         stride = min(stride, ray.end - t);
@@ -138,6 +157,7 @@ void main() {
                 glow[k] = textureLod(emitted, uvw, 0.0).rgb;
             }
         }
+        float before = depth;
         for (uint k = 0u; k < STEP_SAMPLES; k++) {
             float tau = found[k].a * scale;
             float passed = exp(-tau);
@@ -155,6 +175,9 @@ void main() {
             through *= passed;
             depth += tau;
         }
+        if (LIT && before <= target && depth > target) {
+            lit = PartOfStep(t, stride, (target - before) / (depth - before));
+        }
         t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
         stride = ray.dt;
     }
@@ -163,35 +186,13 @@ void main() {
     // Not 1 − `through`, which forgets thin media.
     float opacity = opacity_of_depth(depth);
     if (LIT && depth > 0.0) {
-        // The same march again, up to the depth at which the eye has seen the share `u` of what it sees of the medium.
-        float u = on_lattice(depth_stride, random_float(key, 3u));
-        float target = optical_depth_of_opacity(u * opacity);
-        float before = 0.0;
-        // The step in which the depth meets the target, and which share of its depth that takes.
-        float begin = 0.0;
-        float part = 0.0;
-        float share = 0.0;
-        t = 0.0;
-        stride = start * ray.dt;
-        while (t < ray.end && before < target) {
-            stride = min(stride, ray.end - t);
-            vec3 p;
-            float sigma = 0.0;
-            for (uint k = 0u; k < STEP_SAMPLES; k++) {
-                p = ray.origin + ray.direction * (t + GAUSS[k] * stride);
-                sigma += textureLod(extinction, p / vec3(scene.dims), 0.0).a;
-            }
-            float tau = sigma * scene.max_extinction * 0.5 * stride;
-            if (tau > 0.0) {
-                begin = t;
-                part = stride;
-                share = min((target - before) / tau, 1.0);
-            }
-            before += tau;
-            t += stride + (steps_ahead(ray, p) - 1.0) * ray.dt;
-            stride = ray.dt;
+        bool is_opaque = opacity > OPAQUE;
+        if (!is_opaque || depth <= target) {
+            // The same march again. The few samples that would be seen behind an opaque medium are spread over it again, evenly.
+            float of_opacity = is_opaque ? max(u - opacity, 0.0) / (1.0 - opacity) : u;
+            lit = step_of_depth(ray, start * ray.dt, optical_depth_of_opacity(of_opacity * opacity));
         }
-        float at = begin + part * place_of_depth(extinction, ray, begin, part, share);
+        float at = lit.begin + lit.stride * place_of_depth(extinction, ray, lit.begin, lit.stride, lit.share);
         radiance += lit_radiance(ray.origin + ray.direction * at, -direction, opacity, key);
     }
     float alpha = 1.0;

@@ -7,10 +7,11 @@
 #define LIST_BINDING 3
 #define SAMPLES_BINDING 10
 #define SAMPLES_ACCESS writeonly
+#define SCATTERING_BINDING 5
 #define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/gather.glsl"
-#include "include/cell_scattering.glsl"
+#include "include/scattering.glsl"
 #include "include/scatter_sample.glsl"
 #include "include/aim.glsl"
 
@@ -18,7 +19,6 @@ layout(local_size_x_id = 0) in;
 // Samples are kept by direction; else only their mean is, and every point can have all directions: CELL_POINTS samples.
 layout(constant_id = 1) const bool ANISOTROPIC = false;
 
-layout(set = 0, binding = 5) uniform sampler3D scalar;
 // As gather_proxy.comp wrote them.
 layout(set = 0, binding = 13, scalar) readonly buffer Weights { float weights[]; };
 
@@ -43,7 +43,6 @@ void main() {
     }
     uint index = list_items[chunk_begin + item];
     Cell cell = make_cell(cell_from_linear(index));
-    CellScattering scattering = cell_scattering(scalar, cell);
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = base_shift(key);
     uint flip = point_flip(key);
@@ -65,7 +64,7 @@ void main() {
             energy = weights[(directions + slot) * chunk_items + item] * weight;
         }
         uint point = point_of_sample(slot, flip);
-        vec3 light = energy * scattering_at(scattering, cell, point);
+        vec3 light = energy * scattering_at(position_of(cell, point_place(cell, point)));
         samples[(slot - slot_begin) * chunk_items + item] = ScatterSample(light, -towards, point);
     }
 }

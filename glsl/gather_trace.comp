@@ -8,10 +8,11 @@
 #define SAMPLES_BINDING 10
 #define POINTS_BINDING 14
 #define SAMPLES_ACCESS writeonly
+#define SCATTERING_BINDING 5
 #define SCENE_COPIED
 #include "include/list.glsl"
 #include "include/gather.glsl"
-#include "include/cell_scattering.glsl"
+#include "include/scattering.glsl"
 #include "include/scatter_sample.glsl"
 #include "include/traced.glsl"
 #include "include/aim.glsl"
@@ -20,7 +21,6 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 4) const uint SAMPLING = SAMPLING_PHASE;
 
-layout(set = 0, binding = 5) uniform sampler3D scalar;
 // As gather_select.comp wrote it.
 layout(set = 0, binding = 12, scalar) readonly buffer Chosen { uvec2 chosen[]; };
 // As gather_proxy.comp wrote them: those of the traced directions come first.
@@ -62,7 +62,6 @@ void main() {
     }
     uint index = list_items[chunk_begin + item];
     Cell cell = make_cell(cell_from_linear(index));
-    CellScattering scattering = cell_scattering(scalar, cell);
     uint key = stream_key(index, order, scene.seed_low, scene.seed_high);
     vec2 shift = lattice_shift(key);
     uint flip = point_flip(key);
@@ -74,7 +73,6 @@ void main() {
         // Points by slot, not by candidate: whatever is chosen, every point gets its share.
         Dealt dealt = dealt_to(slot, directions, aim.at_eye, flip);
         uint point = dealt.point;
-        vec3 place = point_place(cell, point);
         uint candidate = slot;
         float weight = dealt.weight / float(directions);
         if (is_choice) {
@@ -85,12 +83,13 @@ void main() {
         vec3 towards = sampled_direction(aim, candidate, lattice, shift);
         vec3 radiance = vec3(0.0);
         if (weight > 0.0) {
-            Ray ray = make_ray(position_of(cell, place), towards, float(STEP_SAMPLES) * step_voxels);
+            vec3 position = position_of(cell, point_place(cell, point));
+            Ray ray = make_ray(position, towards, float(STEP_SAMPLES) * step_voxels);
             radiance = traced_radiance(ray, towards, light);
             if (SAMPLING == SAMPLING_RESIDUAL) {
                 radiance -= weights[slot * chunk_items + item];
             }
-            radiance *= scattering_at(scattering, cell, point) * (weight * aimed_weight(aim, lattice, towards));
+            radiance *= scattering_at(position) * (weight * aimed_weight(aim, lattice, towards));
         }
         samples[(slot - slot_begin) * chunk_items + item] = ScatterSample(radiance, -towards, point);
     }

@@ -101,8 +101,6 @@ uint pixel_index;
 // Parts of every draw's input: number of the round's first sample, and the seed's hash.
 uint first_sample;
 uint seed;
-// Albedo at the transfer function's first point.
-vec3 first_albedo;
 PathState path;
 // Weight of the path, if it was cut at the cap.
 float truncated = 0.0;
@@ -216,7 +214,7 @@ void aim_at_environment(vec3 travelled, vec3 throughput, vec3 u) {
 bool scatter(ivec3 voxel) {
     vec3 albedo;
     if (EVEN_ALBEDO) {
-        albedo = first_albedo;
+        albedo = scene.even_albedo;
     } else {
         Material m = classify(texelFetch(scalar, voxel, 0).r);
         albedo = albedo_of(m);
@@ -302,7 +300,6 @@ void leave() {
 
 void main() {
     scene = scene_in_memory;
-    first_albedo = clamp(transfer[0].color * scene.albedo_scale, 0.0, 1.0);
     uvec2 pixel = uvec2(gl_GlobalInvocationID.x, row_begin + gl_GlobalInvocationID.y);
     if (pixel.x >= scene.size.x || pixel.y >= row_end) {
         return;

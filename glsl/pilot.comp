@@ -11,11 +11,13 @@
 #define LIGHTS_BINDING 11
 #define ESTIMATE_BINDING 12
 #define POINTS_BINDING 14
+#define SCATTERING_BINDING 5
 #define SCENE_COPIED
 #define COUNTED
 #include "include/list.glsl"
 #include "include/gather.glsl"
-#include "include/cell_scattering.glsl"
+#include "include/cell.glsl"
+#include "include/scattering.glsl"
 #include "include/traced.glsl"
 #include "include/estimate.glsl"
 #include "include/points.glsl"
@@ -36,7 +38,6 @@ struct PilotSample {
     uint proxy_steps;
 };
 
-layout(set = 0, binding = 5) uniform sampler3D scalar;
 // [block][replicate][cell]
 layout(set = 0, binding = 10, scalar) writeonly buffer Pilots { PilotSample pilots[]; };
 
@@ -62,7 +63,6 @@ void main() {
     uint draw = stream_key(number, PILOT_STREAM - 1u, scene.seed_low, scene.seed_high);
     uint index = list_items[number * part + draw % part];
     Cell cell = make_cell(cell_from_linear(index));
-    CellScattering scattering = cell_scattering(scalar, cell);
     uint key = stream_key(index, PILOT_STREAM + replicate, scene.seed_low, scene.seed_high);
     vec2 shift = lattice_shift(key);
     uint flip = point_flip(key);
@@ -73,20 +73,20 @@ void main() {
     for (uint slot = begin; slot < end; slot++) {
         Dealt dealt = dealt_to(slot, directions, false, flip);
         uint point = dealt.point;
-        vec3 place = point_place(cell, point);
+        vec3 position = position_of(cell, point_place(cell, point));
         vec3 towards = lattice_direction(slot, directions, shift);
-        vec3 radiance = traced_radiance(make_ray(position_of(cell, place), towards, float(STEP_SAMPLES) * step_voxels), towards, 0u);
+        vec3 radiance = traced_radiance(make_ray(position, towards, float(STEP_SAMPLES) * step_voxels), towards, 0u);
         float energy = 0.0;
         if (PROXY) {
             energy = estimated_energy(make_ray(position_of(cell, vec3(0.5)), towards, proxy_step_voxels));
         }
-        vec3 scattered = scattering_at(scattering, cell, point) * (dealt.weight / float(directions));
+        vec3 scattered = scattering_at(position) * (dealt.weight / float(directions));
         found.traced += radiance * scattered;
         found.residual += (radiance - energy) * scattered;
         energies += energy / float(directions);
     }
     for (uint point = 0u; point < CELL_POINTS; point++) {
-        vec3 scattered = scattering_at(scattering, cell, point);
+        vec3 scattered = scattering_at(position_of(cell, point_place(cell, point)));
         found.base += energies * scattered / float(CELL_POINTS);
     }
     found.traced_steps = traced_steps;

@@ -149,6 +149,7 @@ pub struct SceneParams {
     pub g: f32,
     pub emission_scale: f32,
     pub albedo_scale: [f32; 3],
+    pub even_albedo: [f32; 3],
     pub environment: [f32; 3],
     pub background: [f32; 3],
     pub environment_rotation: f32,

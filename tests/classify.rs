@@ -41,6 +41,13 @@ fn check_precision(ctx: &Context, name: &str, scene: &Scene, rounding: f32) {
         let expected = classify::field(&host.params, &host.points, &host.scalar, emitted);
         let (got, case) = (texture(ctx, &field), format!("{name}, {emitted:?}, {:?}", scene.settings.precision));
         assert_close(&case, &got.texels, &expected.texels, rounding, SMALLEST);
+        let scattering = setup.data.scattering(&field);
+        if setup.data.has_even_albedo() {
+            assert!(std::ptr::eq(scattering, &raw const field), "{case}: not made out of the extinction");
+        } else {
+            let expected = classify::scattering(&host.params, &host.points, &host.scalar);
+            assert_close(&case, &texture(ctx, scattering).texels, &expected.texels, rounding, SMALLEST);
+        }
 
         // The extinction alone is the same to the last bit.
         let pass = Classify::with_extinction(ctx, &setup.data, emitted).unwrap();

@@ -128,6 +128,8 @@ const uint OCTANT_BITS = 4u;
 const float NEAR_STEP = 0.25;
 // Samples of a step where optical depths count, at Gauss's points (march.glsl).
 const uint STEP_SAMPLES = 2u;
+// A medium that lets less than the rest of the light behind it through hides it (camera.comp).
+const float OPAQUE = 0.98;
 // Stands for NaN in the scalars: such voxels are empty.
 const float NO_VALUE = -3.4028235e38;
 

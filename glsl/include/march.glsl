@@ -62,11 +62,6 @@ float mean_place(float tau, float transmitted) {
     return tau > 0.1 ? 1.0 / tau - transmitted / (1.0 - transmitted) : 0.5 - tau / 12.0;
 }
 
-// 1 − e^−τ, by its series where the subtraction would cancel.
-float opacity_of_depth(float tau) {
-    return tau < 0.02 ? tau * (1.0 - tau * (0.5 - tau * (1.0 / 6.0 - tau * (1.0 / 24.0)))) : 1.0 - exp(-tau);
-}
-
 const uint PARTS = 6u;
 
 // Where in a step of `ray` its optical depth is `share` of the whole step's, from 0 to 1: by finer parts, for with one extinction

@@ -41,6 +41,8 @@ struct SceneParams {
     float g;
     float emission_scale;
     vec3 albedo_scale;
+    // Albedo of all of the medium, where it has but one.
+    vec3 even_albedo;
     // Radiance of a constant environment, and the colour behind the medium.
     vec3 environment;
     vec3 background;

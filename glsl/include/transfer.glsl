@@ -2,6 +2,7 @@
 // one value the later one holds.
 #ifndef TRANSFER_GLSL
 #define TRANSFER_GLSL
+#include "opacity.glsl"
 #include "scene.glsl"
 
 struct TransferPointData {
@@ -21,12 +22,6 @@ struct Material {
     vec3 color;
     vec3 emission;
 };
-
-// −ln(1 − α), by its series where the subtraction would cancel.
-float optical_depth_of_opacity(float opacity) {
-    float a = min(opacity, 1.0 - 1.0 / 65536.0);
-    return a < 0.02 ? a * (1.0 + a * (0.5 + a * (1.0 / 3.0 + a * (0.25 + a * 0.2)))) : -log(1.0 - a);
-}
 
 Material classify(float value) {
     if (value == NO_VALUE) {

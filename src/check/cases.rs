@@ -132,6 +132,7 @@ pub const CASES: &[Case] = &[
     under_sky("residual, g", concat!("render = { orders = 3, sampling = 'residual' }\nmedium.g = -0.4\n", lights!())),
     case("residual, glow", concat!("render = { orders = 3, sampling = 'residual' }\nlight = []\n", glow!())),
     case("auto", "render = { orders = 3, sampling = 'auto' }\nenvironment.radiance = 1\n"),
+    case("auto, glow", concat!("render = { orders = 3, sampling = 'auto' }\n", glow!(), lights!())),
     case("auto, blocks of 2", concat!("render = { orders = 3, sampling = 'auto', light_grid = 2 }\n", lights!())),
     case("auto, g", concat!("render = { orders = 3, sampling = 'auto' }\nmedium.g = 0.4\n", lights!())),
     case("proxy of all bits", "render = { orders = 2, sampling = 'resample', mask = '8' }\nenvironment.radiance = 1\n"),

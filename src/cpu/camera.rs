@@ -1,6 +1,6 @@
 //! Twin of `camera.comp`.
 
-use super::classify::{albedo_of, classify, optical_depth_of_opacity};
+use super::classify::{optical_depth_of_opacity, scattering};
 use super::delta_lights::light_at;
 use super::march::{
     GAUSS, LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_place, mean_transmittance, place_of_depth, transmittance,
@@ -11,7 +11,7 @@ use super::sphere::{fract, phase_hg};
 use super::texture::Texture;
 use crate::passes::camera::lattice;
 use crate::scene::Background;
-use crate::shaders::constants::STEP_SAMPLES;
+use crate::shaders::constants::{OPAQUE, STEP_SAMPLES};
 use glam::{Vec2, Vec3, Vec4};
 
 /// The camera's random-number stream.
@@ -38,12 +38,7 @@ pub fn camera(
     step_voxels: f32,
     lights_per_sample: u32,
 ) -> Vec<Vec4> {
-    let (s, points) = (&scene.params, &scene.points);
-    let coefficients = |&value: &f32| {
-        let m = classify(s, points, value);
-        (m.extinction * Vec3::from(albedo_of(s, &m))).extend(m.extinction)
-    };
-    let coefficients = Texture::new(s.dims, scene.scalar.texels.iter().map(coefficients).collect());
+    let coefficients = scattering(&scene.params, &scene.points, &scene.scalar);
     let lattice = lattice(samples);
     let camera = Camera { scene, background, content, coefficients, samples, lattice, step_voxels, lights_per_sample };
     let [width, height] = scene.params.size;
@@ -54,6 +49,17 @@ pub fn camera(
             all.sum::<Vec4>() / samples as f32
         })
         .collect()
+}
+
+/// The depth at which the eye has seen the share `u` of what it sees of the medium, which has `opacity` along all of its `depth`. An
+/// opaque one is seen as if there were nothing behind it; the few samples that would be there are spread over it again.
+fn lit_depth(u: f32, depth: f32, opacity: f32) -> f32 {
+    let share = match optical_depth_of_opacity(u) {
+        target if opacity > OPAQUE && target < depth => return target,
+        _ if opacity > OPAQUE => (u - opacity).max(0.0) / (1.0 - opacity),
+        _ => u,
+    };
+    optical_depth_of_opacity(share * opacity)
 }
 
 struct Camera<'a> {
@@ -115,9 +121,8 @@ impl Camera<'_> {
         radiance = (radiance / s.radiance_scale).max(Vec3::ZERO);
         let opacity = -(-depth).exp_m1();
         if self.lights_per_sample > 0 && depth > 0.0 {
-            // The depth at which the eye has seen the share `u` of what it sees of the medium.
-            let u = on_lattice(depth_stride, 3);
-            let p = ray.origin + ray.direction * self.depth_of(ray, first, optical_depth_of_opacity(u * opacity));
+            let target = lit_depth(on_lattice(depth_stride, 3), depth, opacity);
+            let p = ray.origin + ray.direction * self.depth_of(ray, first, target);
             radiance += self.lit_radiance(p, -direction, sample_index, key) * opacity;
         }
         match self.background {

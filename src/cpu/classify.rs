@@ -55,6 +55,15 @@ pub fn albedo_of(scene: &SceneParams, m: &Material) -> [f32; 3] {
     std::array::from_fn(|c| (m.color[c] * scene.albedo_scale[c]).clamp(0.0, 1.0))
 }
 
+/// What `classify.comp` writes beside that: rgb = σ_s, a = extinction.
+pub fn scattering(scene: &SceneParams, points: &[TransferPointData], scalar: &Texture<f32>) -> Texture<Vec4> {
+    let texel = |&value: &f32| {
+        let m = classify(scene, points, value);
+        Vec3::from(albedo_of(scene, &m)).extend(1.0) * (m.extinction / scene.max_extinction)
+    };
+    Texture::new(scene.dims, scalar.texels.iter().map(texel).collect())
+}
+
 /// What `classify.comp` writes: rgb = emitted source, a = extinction, in the units of the fields.
 pub fn field(
     scene: &SceneParams,

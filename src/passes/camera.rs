@@ -121,6 +121,7 @@ impl Camera {
             ("PROJECTED", is_scattering.into()),
             ("EMITS", (is_scattering && scene.has_emission).into()),
             ("DIRECTED", (content == Content::Directed).into()),
+            ("EVEN_ALBEDO", scene.has_even_albedo.into()),
         ];
         let pipeline = Pipeline::new(ctx, &shaders::CAMERA, &specialization)?;
         Ok(Self { pipeline, step, light_step, samples, lattice: lattice(samples), lights_per_sample })
@@ -163,8 +164,7 @@ impl Camera {
         };
         let binds = [
             ("scene_block", scene.block.bind()),
-            ("transfer_block", scene.transfer.bind()),
-            ("scalar", scene.scalar.sampled(Filter::Nearest)),
+            ("scattering", scene.scattering(extinction).sampled(Filter::Linear)),
             ("lights", scene.lights.bind()),
             ("total", total.a.sampled(Filter::Linear)),
             ("extinction", extinction.sampled(Filter::Linear)),

@@ -49,7 +49,8 @@ impl Classify {
             Emitted::Color => constants::EMITTED_COLOR,
         };
         let kernel = scene.stored.version(shaders::CLASSIFY_VERSIONS);
-        let specialization = [("EMITTED", emitted), ("ALONE", is_alone.into())];
+        let specialization =
+            [("EMITTED", emitted), ("ALONE", is_alone.into()), ("SCATTERS", scene.stores_scattering().into())];
         let dims = if is_alone { scene.params.dims } else { [1; 3] };
         Ok(Self {
             pipeline: Pipeline::new(ctx, kernel, &specialization)?,
@@ -63,8 +64,8 @@ impl Classify {
         if self.is_alone { &self.extinction } else { field }
     }
 
-    /// Writes source and extinction of every voxel to `field`. Ordered after all compute accesses before; ends
-    /// with `field` and [`Self::extinction`] written by compute.
+    /// Writes source and extinction of every voxel to `field`, and the scene's scattering coefficients. Ordered after all compute
+    /// accesses before; ends with them and [`Self::extinction`] written by compute.
     pub fn record(&self, rec: &mut Recorder, scene: &SceneData, field: &Image) {
         order_compute(rec);
         rec.dispatch(
@@ -75,6 +76,7 @@ impl Classify {
                 ("scalar", scene.scalar.sampled(Filter::Nearest)),
                 ("field", field.storage()),
                 ("extinction_alone", self.extinction.storage()),
+                ("scattering", scene.scattering.storage()),
             ],
             &(),
             voxel_grid(scene.params.dims),

@@ -133,20 +133,22 @@ impl Gather {
         let is_anisotropic = is_projected && scene.params.g != 0.0;
         let workgroup = ("WORKGROUP", LIST_WORKGROUP);
         let anisotropic = ("ANISOTROPIC", is_anisotropic.into());
-        let coarse = ("COARSE", scene.is_coarse().into());
+        let even_albedo = ("EVEN_ALBEDO", scene.has_even_albedo.into());
         let trace = [
             workgroup,
             anisotropic,
+            even_albedo,
             ("SOURCE", source),
             ("SKY", has_sky.into()),
             ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("SAMPLING", sampling),
-            coarse,
         ];
         let estimate = if config.sampling.uses_proxy() {
             let proxy = [workgroup, ("SKY", has_sky.into()), ("SAMPLING", sampling)];
             let second = match config.sampling {
-                Sampling::Residual => Pipeline::new(ctx, &shaders::GATHER_BASE, &[workgroup, anisotropic, coarse])?,
+                Sampling::Residual => {
+                    Pipeline::new(ctx, &shaders::GATHER_BASE, &[workgroup, anisotropic, even_albedo])?
+                }
                 _ => Pipeline::new(ctx, &shaders::GATHER_SELECT, &[workgroup, ("SAMPLING", sampling)])?,
             };
             Some([Pipeline::new(ctx, &shaders::GATHER_PROXY, &proxy)?, second])
@@ -283,8 +285,7 @@ impl Gather {
                     };
                     let binds = [
                         ("scene_block", scene.block.bind()),
-                        ("transfer_block", scene.transfer.bind()),
-                        ("scalar", scene.scalar.sampled(Filter::Nearest)),
+                        ("scattering", scene.scattering(scattering.field).sampled(Filter::Linear)),
                         ("weights", self.weights.bind()),
                         ("samples", scattering.projection.samples().bind()),
                     ];
@@ -321,9 +322,8 @@ impl Gather {
             let binds = [
                 ("scene_block", scene.block.bind()),
                 ("lights", scene.lights.bind()),
-                ("transfer_block", scene.transfer.bind()),
                 ("emptiness", emptiness.sampled(Filter::Nearest)),
-                ("scalar", scene.scalar.sampled(Filter::Nearest)),
+                ("scattering", scene.scattering(scattering.field).sampled(Filter::Linear)),
                 ("source_a", source.a.sampled(Filter::Linear)),
                 ("source_x", source.b[0].sampled(Filter::Linear)),
                 ("source_y", source.b[1].sampled(Filter::Linear)),

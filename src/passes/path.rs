@@ -53,10 +53,7 @@ impl PathTracer {
             ("LIT", (scene.light_count > 0).into()),
             ("POINT_LIGHTS", scene.has_point_lights.into()),
             ("EMITS", scene.has_emission.into()),
-            (
-                "EVEN_ALBEDO",
-                (!scene.has_emission && scene.points.iter().all(|p| p.color == scene.points[0].color)).into(),
-            ),
+            ("EVEN_ALBEDO", (!scene.has_emission && scene.has_even_albedo).into()),
             ("UNLIMITED", config.is_unlimited.into()),
         ];
         let [rows, columns] = [p.environment_size[1], p.environment_size[0]];

@@ -78,7 +78,7 @@ impl Pilot {
                 ("SOURCE", constants::SOURCE_PROJECTED),
                 ("SKY", (scene.environment == constants::ENVIRONMENT_CONSTANT).into()),
                 ("POINT_LIGHTS", scene.has_point_lights.into()),
-                ("COARSE", scene.is_coarse().into()),
+                ("EVEN_ALBEDO", scene.has_even_albedo.into()),
             ]
         };
         // An invocation follows every direction twice.
@@ -159,9 +159,8 @@ impl Pilot {
             ("list_header", header.bind()),
             ("scene_block", scene.block.bind()),
             ("lights", scene.lights.bind()),
-            ("transfer_block", scene.transfer.bind()),
             ("emptiness", emptiness.sampled(Filter::Nearest)),
-            ("scalar", scene.scalar.sampled(Filter::Nearest)),
+            ("scattering", scene.scattering(&source.a).sampled(Filter::Linear)),
             ("source_a", source.a.sampled(Filter::Linear)),
             ("source_x", source.b[0].sampled(Filter::Linear)),
             ("source_y", source.b[1].sampled(Filter::Linear)),

@@ -21,6 +21,11 @@ pub struct SceneData {
     pub(super) transfer: Buffer<TransferPointData>,
     pub(super) lights: Buffer<LightData>,
     pub(super) scalar: Image,
+    /// σ_s and extinction of every voxel, once they are classified (`passes::classify`). A single texel in models that store no light,
+    /// and where one albedo makes them out of the extinction.
+    pub(super) scattering: Image,
+    /// Has all of the medium one albedo?
+    pub(super) has_even_albedo: bool,
     pub(super) environment_image: Image,
     pub(super) environment_table: Buffer<f32>,
     /// Delta lights.
@@ -140,12 +145,22 @@ fn set_eye(params: &mut SceneParams, camera: &Camera, origin: DVec3) {
     params.up = f3(camera.up * half_height);
 }
 
+/// Albedo at the transfer function's first point.
+fn even_albedo(scene: &Scene) -> Vec3 {
+    let color = scene.transfer.points.first().map_or([0.0; 3], |p| p.color);
+    (Vec3::from(color) * scene.albedo_scale).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// Is light stored?
+fn scatters(scene: &Scene) -> bool {
+    matches!(scene.settings.model, Model::Single | Model::Multiple)
+}
+
 /// The scene's numbers. `max_extinction` and `radiance_scale` follow from the data.
 pub fn params(scene: &Scene) -> SceneParams {
     let grid = &scene.volume.grid;
     // Other models store no light.
-    let is_scattering = matches!(scene.settings.model, Model::Single | Model::Multiple);
-    let light = Blocks::of(grid.dims, if is_scattering { scene.settings.light_grid } else { 1 });
+    let light = Blocks::of(grid.dims, if scatters(scene) { scene.settings.light_grid } else { 1 });
     let origin = origin(scene);
     let to_world = DAffine3::from_translation(-origin) * grid.index_to_world;
     let to_index = to_world.inverse();
@@ -181,6 +196,7 @@ pub fn params(scene: &Scene) -> SceneParams {
         g: scene.g,
         emission_scale: scene.emission_scale,
         albedo_scale: scene.albedo_scale.to_array(),
+        even_albedo: even_albedo(scene).to_array(),
         environment: environment.to_array(),
         background: match scene.background {
             Background::Color(color) => color.to_array(),
@@ -217,6 +233,11 @@ impl SceneData {
     ///
     /// Errors: the volume or the environment is larger than the device's images, or memory runs out.
     pub fn new(ctx: &Context, scene: &Scene) -> Result<Self> {
+        Self::with_color(ctx, scene, false)
+    }
+
+    /// The same, where `stores_color` with three channels of light, whether there is colour or not.
+    pub fn with_color(ctx: &Context, scene: &Scene, stores_color: bool) -> Result<Self> {
         let mut params = params(scene);
         let points = transfer_points(scene);
         if !(params.max_extinction.is_finite() && params.radiance_scale.is_normal()) {
@@ -253,11 +274,16 @@ impl SceneData {
         let environment_image = ctx.image_2d("environment", size, ImageFormat::Rgba32Float)?;
         ctx.upload_image(&environment_image, |_| std::mem::take(&mut pixels))?;
         let lights = lights(scene);
+        let stored = Stored::of(ctx, scene.settings.precision, !stores_color && is_grey(scene));
+        let has_even_albedo = points.iter().all(|p| p.color == points[0].color);
+        let scattering = if scatters(scene) && !has_even_albedo { dims } else { [1; 3] };
         Ok(Self {
             block: ctx.upload("scene", &[params])?,
             transfer: ctx.upload("transfer", &points)?,
             lights: ctx.upload("lights", &lights)?,
             scalar,
+            scattering: ctx.image_3d("scattering", scattering, stored.format())?,
+            has_even_albedo,
             environment_image,
             environment_table: ctx.upload("environment.table", &table)?,
             light_count: lights.len() as u32,
@@ -265,7 +291,7 @@ impl SceneData {
             environment,
             ambient: scene.environment.as_ref().map_or(Vec3::ZERO, Environment::mean_radiance),
             has_emission: scene.emission_scale > 0.0 && points.iter().any(|p| p.emission.iter().any(|&e| e > 0.0)),
-            stored: Stored::of(ctx, scene.settings.precision, is_grey(scene)),
+            stored,
             params,
             points,
             origin: origin(scene),
@@ -295,6 +321,21 @@ impl SceneData {
     /// An image for a field of light and extinction.
     pub fn field(&self, ctx: &Context, name: &str, dims: [u32; 3]) -> Result<Image> {
         ctx.image_3d(name, dims, self.stored.format())
+    }
+
+    /// Where samplers find σ_s, given where they find the extinction in the fourth component (`glsl/include/scattering.glsl`).
+    pub fn scattering<'i>(&'i self, extinction: &'i Image) -> &'i Image {
+        if self.has_even_albedo { extinction } else { &self.scattering }
+    }
+
+    /// Has all of the medium one albedo?
+    pub fn has_even_albedo(&self) -> bool {
+        self.has_even_albedo
+    }
+
+    /// Is the scattering coefficient stored?
+    pub(super) fn stores_scattering(&self) -> bool {
+        self.scattering.extent() == self.params.dims && !self.has_even_albedo
     }
 
     /// The blocks of the light grid.

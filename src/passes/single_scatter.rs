@@ -19,8 +19,8 @@ pub struct SingleScatter {
 impl SingleScatter {
     /// Makes the pipeline.
     pub fn new(ctx: &Context, scene: &SceneData, step: f32) -> Result<Self> {
-        let coarse = ("COARSE", scene.is_coarse().into());
-        let specialization = [("WORKGROUP", LIST_WORKGROUP), ("ENVIRONMENT", scene.environment), coarse];
+        let even_albedo = ("EVEN_ALBEDO", scene.has_even_albedo.into());
+        let specialization = [("WORKGROUP", LIST_WORKGROUP), ("ENVIRONMENT", scene.environment), even_albedo];
         Ok(Self { pipeline: Pipeline::new(ctx, &shaders::SINGLE_SCATTER, &specialization)?, step })
     }
 
@@ -84,9 +84,8 @@ impl SingleScatter {
         };
         let binds = [
             ("scene_block", scene.block.bind()),
-            ("transfer_block", scene.transfer.bind()),
             ("emptiness", scattering.emptiness.sampled(Filter::Nearest)),
-            ("scalar", scene.scalar.sampled(Filter::Nearest)),
+            ("scattering", scene.scattering(scattering.field).sampled(Filter::Linear)),
             ("lights", scene.lights.bind()),
             ("field", scattering.field.sampled(Filter::Linear)),
             ("environment_image", scene.environment_image.sampled(Filter::Nearest)),

@@ -257,8 +257,7 @@ impl<'a> Renderer<'a> {
             let problem = "the device does not interpolate images of 32-bit floats";
             return Err(Error::input("--precision", problem, "use half"));
         }
-        let mut data = SceneData::new(ctx, scene)?;
-        data.stored.is_grey &= !internals.stores_color;
+        let data = SceneData::with_color(ctx, scene, internals.stores_color)?;
         let dims = data.params.dims;
         let orders = match s.model {
             Model::Single => 1,

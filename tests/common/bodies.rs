@@ -144,6 +144,8 @@ pub fn scenes() -> Vec<(&'static str, Scene)> {
         let inside = (x < 4 && y < 5 && z > 20) || (x > 36 && y > 6 && z < 6) || (x, y, z) == (20, 9, 13);
         if inside { 0.31 + 0.69 * value } else { 0.2 }
     });
+    let mut one_albedo = random(aligned([5, 8, 6], [1.0; 3]), 6);
+    one_albedo.transfer.points.iter_mut().for_each(|p| p.color = [0.7, 0.9, 0.5]);
     cases(vec![
         ("odd", random(aligned([13, 7, 5], [1.0; 3]), 1)),
         ("one voxel", scene_of(aligned([1, 1, 1], [2.0; 3]), vec![0.9])),
@@ -151,6 +153,7 @@ pub fn scenes() -> Vec<(&'static str, Scene)> {
         ("flat voxels", random(aligned([6, 5, 9], [0.5, 1.0, 4.0]), 4)),
         ("oblique, mirrored", random(oblique, 5)),
         ("islands", scene_of(sparse, islands.collect())),
+        ("one albedo", one_albedo),
         ("nothing", scene_of(aligned([9, 3, 2], [1.0; 3]), vec![0.1; 54])),
     ])
 }
