@@ -42,7 +42,7 @@ fn check_precision(ctx: &Context, name: &str, scene: &Scene, rounding: f32) {
         let (got, case) = (texture(ctx, &field), format!("{name}, {emitted:?}, {:?}", scene.settings.precision));
         assert_close(&case, &got.texels, &expected.texels, rounding, SMALLEST);
         let scattering = setup.data.scattering(&field);
-        if setup.data.has_even_albedo() {
+        if setup.data.has_even_albedo {
             assert!(std::ptr::eq(scattering, &raw const field), "{case}: not made out of the extinction");
         } else {
             let expected = classify::scattering(&host.params, &host.points, &host.scalar);

@@ -25,7 +25,7 @@ pub struct SceneData {
     /// and where one albedo makes them out of the extinction.
     pub(super) scattering: Image,
     /// Has all of the medium one albedo?
-    pub(super) has_even_albedo: bool,
+    pub has_even_albedo: bool,
     pub(super) environment_image: Image,
     pub(super) environment_table: Buffer<f32>,
     /// Delta lights.
@@ -328,14 +328,9 @@ impl SceneData {
         if self.has_even_albedo { extinction } else { &self.scattering }
     }
 
-    /// Has all of the medium one albedo?
-    pub fn has_even_albedo(&self) -> bool {
-        self.has_even_albedo
-    }
-
-    /// Is the scattering coefficient stored?
+    /// Has the image of scattering coefficients room for those of every voxel?
     pub(super) fn stores_scattering(&self) -> bool {
-        self.scattering.extent() == self.params.dims && !self.has_even_albedo
+        !self.has_even_albedo && self.scattering.extent() == self.params.dims
     }
 
     /// The blocks of the light grid.
