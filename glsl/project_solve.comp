@@ -17,6 +17,8 @@ layout(local_size_x_id = 0) in;
 
 // Cells are larger than voxels: extinction is not trilinear in them.
 layout(constant_id = 1) const bool COARSE = false;
+// The first step, which needs no values of a step before.
+layout(constant_id = 2) const bool FIRST = false;
 
 layout(set = 0, binding = 3) uniform sampler3D sums;
 // rgb = u of the step before (nothing before the first step), a = extinction where nodes are voxels.
@@ -32,7 +34,6 @@ layout(set = 0, binding = 8) uniform sampler3D field;
 layout(push_constant, scalar) uniform ProjectSolvePush {
     uint chunk_begin;
     uint chunk_items;
-    uint is_first;
     // 1: the last step, whose result is added to `total`.
     uint adds;
     // 1: the last step, whose result gets `fixed_light` added.
@@ -98,7 +99,7 @@ void main() {
     vec3 sum = texelFetch(sums, node, 0).rgb;
     vec3 u = vec3(0.0);
     if (row > 0.0) {
-        u = is_first != 0u ? sum / row : old.rgb + factor * (sum - product) / row;
+        u = FIRST ? sum / row : old.rgb + factor * (sum - product) / row;
     }
     if (adds != 0u) {
         vec4 seen = from_stored(imageLoad(total, node));

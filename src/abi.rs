@@ -465,7 +465,6 @@ pub struct ProjectDepositPush {
 pub struct ProjectSolvePush {
     pub chunk_begin: u32,
     pub chunk_items: u32,
-    pub is_first: u32,
     pub adds: u32,
     pub joins: u32,
     pub factor: f32,

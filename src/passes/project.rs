@@ -100,7 +100,8 @@ impl Scattering<'_> {
 /// Right-hand sides, and everything else that a projection needs.
 pub struct Projection {
     deposit: Vec<(Kept, Pipeline)>,
-    solve: Pipeline,
+    /// The first step, and every other.
+    solve: [Pipeline; 2],
     is_anisotropic: bool,
     light_for: LightFor,
     samples: Buffer<ScatterSample>,
@@ -165,14 +166,15 @@ impl Projection {
         let is_coarse = scene.is_coarse();
         let scratch = |name| scene.field(ctx, name, dims);
         let sum = |name, is_used| ctx.image_3d(name, if is_used { dims } else { [1; 3] }, scene.stored.sum_format());
+        let solve = |is_first: bool| {
+            let specialization =
+                [("WORKGROUP", LIST_WORKGROUP), ("COARSE", is_coarse.into()), ("FIRST", is_first.into())];
+            Pipeline::new(ctx, scene.stored.version(shaders::PROJECT_SOLVE_VERSIONS), &specialization)
+        };
         let has_b = is_anisotropic && (has_next || !has_eye);
         Ok(Self {
             deposit: used.iter().map(deposit).collect::<Result<_>>()?,
-            solve: {
-                let specialization = [("WORKGROUP", LIST_WORKGROUP), ("COARSE", is_coarse.into())];
-                let kernel = scene.stored.version(shaders::PROJECT_SOLVE_VERSIONS);
-                Pipeline::new(ctx, kernel, &specialization)?
-            },
+            solve: [solve(true)?, solve(false)?],
             is_anisotropic,
             light_for,
             samples: ctx.device_buffer("project.samples", (chunk_items * slots) as usize)?,
@@ -361,7 +363,6 @@ impl Projection {
                 let push = ProjectSolvePush {
                     chunk_begin: chunk.begin,
                     chunk_items: chunk.items,
-                    is_first: (step == 0).into(),
                     adds: (sum.is_some() && ends(step)).into(),
                     joins: (fixed.is_some() && ends(step)).into(),
                     factor: if step == 0 { 0.0 } else { self.factors[step - 1] },
@@ -376,7 +377,7 @@ impl Projection {
                     // Read where nodes are no voxels.
                     ("field", if self.coarse.is_some() { field } else { before }.sampled(Filter::Linear)),
                 ];
-                chunk.dispatch(rec, &self.solve, &binds, &push, args);
+                chunk.dispatch(rec, &self.solve[usize::from(step > 0)], &binds, &push, args);
             }
         }
         if let Some((nodes, spread)) = &self.coarse {
