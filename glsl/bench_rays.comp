@@ -63,8 +63,8 @@ struct Origin {
 };
 
 Ray ray_of(Origin origin, uint d) {
-    vec3 place = point_place(origin.cell, point_of_sample(d, origin.flip));
-    return make_ray(position_of(origin.cell, place), lattice_direction(d, directions, origin.shift), step_voxels);
+    vec3 position = position_of_point(origin.cell, point_of_sample(d, origin.flip));
+    return make_ray(position, lattice_direction(d, directions, origin.shift), step_voxels);
 }
 
 void store(uint i, Integral sum) {

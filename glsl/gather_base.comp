@@ -64,7 +64,7 @@ void main() {
             energy = weights[(directions + slot) * chunk_items + item] * weight;
         }
         uint point = point_of_sample(slot, flip);
-        vec3 light = energy * scattering_at(position_of(cell, point_place(cell, point)));
+        vec3 light = energy * scattering_at(position_of_point(cell, point));
         samples[(slot - slot_begin) * chunk_items + item] = ScatterSample(light, -towards, point);
     }
 }

@@ -83,7 +83,7 @@ void main() {
         vec3 towards = sampled_direction(aim, candidate, lattice, shift);
         vec3 radiance = vec3(0.0);
         if (weight > 0.0) {
-            vec3 position = position_of(cell, point_place(cell, point));
+            vec3 position = position_of_point(cell, point);
             Ray ray = make_ray(position, towards, float(STEP_SAMPLES) * step_voxels);
             radiance = traced_radiance(ray, towards, light);
             if (SAMPLING == SAMPLING_RESIDUAL) {

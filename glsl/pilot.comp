@@ -73,7 +73,7 @@ void main() {
     for (uint slot = begin; slot < end; slot++) {
         Dealt dealt = dealt_to(slot, directions, false, flip);
         uint point = dealt.point;
-        vec3 position = position_of(cell, point_place(cell, point));
+        vec3 position = position_of_point(cell, point);
         vec3 towards = lattice_direction(slot, directions, shift);
         vec3 radiance = traced_radiance(make_ray(position, towards, float(STEP_SAMPLES) * step_voxels), towards, 0u);
         float energy = 0.0;
@@ -86,7 +86,7 @@ void main() {
         energies += energy / float(directions);
     }
     for (uint point = 0u; point < CELL_POINTS; point++) {
-        vec3 scattered = scattering_at(position_of(cell, point_place(cell, point)));
+        vec3 scattered = scattering_at(position_of_point(cell, point));
         found.base += energies * scattered / float(CELL_POINTS);
     }
     found.traced_steps = traced_steps;

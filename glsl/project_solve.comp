@@ -87,7 +87,7 @@ void main() {
             vec3 w = mix(own_low, own_high, upper_bits(point));
             float extinction = at[point].a;
             if (COARSE) {
-                vec3 position = position_of(cell, point_place(cell, point));
+                vec3 position = position_of_point(cell, point);
                 extinction = textureLod(field, position / vec3(scene.dims), 0.0).a;
             }
             float weight = part * w.x * w.y * w.z * extinction;

@@ -49,7 +49,7 @@ void main() {
     for (uint i = light_begin; i < light_end; i++) {
         uint l = i / LIGHT_POINTS;
         uint point = point_of_sample(i % LIGHT_POINTS, flip);
-        vec3 position = position_of(cell, point_place(cell, point));
+        vec3 position = position_of_point(cell, point);
         LightArrival light = light_at(lights[l], world_from_index(position));
         float t = transmittance(field, make_ray(position, -light.travel, float(STEP_SAMPLES) * step_voxels), light.reach);
         float weight = t * scene.radiance_scale / (4.0 * PI * float(LIGHT_POINTS));
@@ -61,7 +61,7 @@ void main() {
         vec2 shift = vec2(random_float(key, 0u), random_float(key, 1u));
         for (uint i = environment_begin; i < environment_end; i++) {
             uint point = point_of_sample(i, flip);
-            vec3 position = position_of(cell, point_place(cell, point));
+            vec3 position = position_of_point(cell, point);
             EnvironmentSample s = sample_environment(i, environment_directions, shift);
             Ray ray = make_ray(position, s.direction, float(STEP_SAMPLES) * step_voxels);
             float weight = transmittance(field, ray, 3.0e38) * s.weight * scene.radiance_scale / (4.0 * PI);

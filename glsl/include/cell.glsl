@@ -63,6 +63,10 @@ vec3 position_of(Cell cell, vec3 place) {
     return cell.low + cell.size * place;
 }
 
+vec3 position_of_point(Cell cell, uint point) {
+    return position_of(cell, point_place(cell, point));
+}
+
 // Weight of the upper nodes along every axis.
 vec3 upper_weight(Cell cell, vec3 place) {
     return cell.weight_begin + cell.weight_length * place;

@@ -1,6 +1,6 @@
 //! Twin of `camera.comp`.
 
-use super::classify::{optical_depth_of_opacity, scattering};
+use super::classify::optical_depth_of_opacity;
 use super::delta_lights::light_at;
 use super::march::{
     GAUSS, LEAST_TRANSMITTANCE, Ray, Step, make_ray, mean_place, mean_transmittance, place_of_depth, transmittance,
@@ -38,9 +38,8 @@ pub fn camera(
     step_voxels: f32,
     lights_per_sample: u32,
 ) -> Vec<Vec4> {
-    let coefficients = scattering(&scene.params, &scene.points, &scene.scalar);
     let lattice = lattice(samples);
-    let camera = Camera { scene, background, content, coefficients, samples, lattice, step_voxels, lights_per_sample };
+    let camera = Camera { scene, background, content, samples, lattice, step_voxels, lights_per_sample };
     let [width, height] = scene.params.size;
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
     pixels
@@ -66,8 +65,6 @@ struct Camera<'a> {
     scene: &'a HostScene,
     background: Background,
     content: Content<'a>,
-    /// σ_s and σ_t of every voxel.
-    coefficients: Texture<Vec4>,
     samples: u32,
     lattice: [u32; 3],
     step_voxels: f32,
@@ -175,7 +172,7 @@ impl Camera<'_> {
 
     /// Albedo at `p` (index space): σ_s and σ_t interpolated, then divided.
     fn albedo_at(&self, p: Vec3) -> Vec3 {
-        let c = self.coefficients.sample(p);
+        let c = self.scene.scattering.sample(p);
         if c.w > 0.0 { c.truncate() / c.w } else { Vec3::ZERO }
     }
 }

@@ -1,6 +1,5 @@
 //! Twin of `project_deposit.comp` and `project_solve.comp`, and of `include/cell.glsl`.
 
-use super::classify::{albedo_of, classify};
 use super::rng::{random_float, stream_key};
 use super::scene::{HostScene, direction_to_eye};
 use super::sphere::phase_hg;
@@ -92,18 +91,7 @@ impl Cell {
 
     /// σ_s per channel at a point, relative to the largest extinction.
     pub fn scattering(&self, scene: &HostScene, point: u32) -> Vec3 {
-        let s = &scene.params;
-        let from_centre = self.position(point) - 0.5;
-        let low = from_centre.floor();
-        let of_corner = |corner| {
-            let bits = upper_bits(corner).as_vec3();
-            let voxel = (low + bits).max(Vec3::ZERO).as_uvec3().min(UVec3::from(s.dims) - 1);
-            let m = classify(s, &scene.points, scene.scalar.fetch(voxel));
-            let upper = from_centre - low;
-            let weight = (bits * upper + (1.0 - bits) * (1.0 - upper)).element_product();
-            weight * Vec3::from(albedo_of(s, &m)) * (m.extinction / s.max_extinction)
-        };
-        (0..8).map(of_corner).sum()
+        scene.scattering.sample(self.position(point)).truncate()
     }
 }
 

@@ -1,12 +1,13 @@
 //! Twin of `include/scene.glsl`, and of what `SceneData` uploads.
 
+use super::classify::scattering;
 use super::environment::EnvironmentLight;
 use super::texture::Texture;
 use crate::abi::{LightData, SceneParams, TransferPointData};
 use crate::passes::scene_data;
 use crate::scene::Scene;
 use crate::shaders::constants::NO_VALUE;
-use glam::{UVec3, Vec2, Vec3};
+use glam::{UVec3, Vec2, Vec3, Vec4};
 
 /// What every kernel reads.
 pub struct HostScene {
@@ -18,6 +19,8 @@ pub struct HostScene {
     pub lights: Vec<LightData>,
     /// The volume's scalars.
     pub scalar: Texture<f32>,
+    /// σ_s per channel and extinction of every voxel, relative to the largest extinction.
+    pub scattering: Texture<Vec4>,
     /// Light from all around.
     pub environment: EnvironmentLight,
 }
@@ -27,11 +30,14 @@ impl HostScene {
     pub fn new(scene: &Scene) -> Self {
         let grid = &scene.volume.grid;
         let values = scene.volume.values_f32(0..grid.voxels() as usize, NO_VALUE);
+        let (params, points) = (scene_data::params(scene), scene_data::transfer_points(scene));
+        let scalar = Texture::new(grid.dims, values);
         Self {
-            params: scene_data::params(scene),
-            points: scene_data::transfer_points(scene),
+            scattering: scattering(&params, &points, &scalar),
+            params,
+            points,
             lights: scene_data::lights(scene),
-            scalar: Texture::new(grid.dims, values),
+            scalar,
             environment: EnvironmentLight::new(scene.environment.as_ref()),
         }
     }
