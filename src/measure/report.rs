@@ -187,7 +187,7 @@ impl Report {
         };
         let mut settings: Vec<Entry> = sweep.rows().into_iter().map(entry).collect();
         for i in 1..settings.len() {
-            // To the last bit, in six figures of all pixels.
+            // Every figure of `SeedErrors` is of all pixels, and the same to the last bit.
             settings[i].same_as = (0..i).find(|&before| settings[before].errors == settings[i].errors);
         }
         let candidate = |e: &Entry| {
@@ -395,7 +395,11 @@ impl Report {
                     td { (e.bias_text()) }
                     td { (percent(e.noise)) }
                     @for bias in e.errors.bias { td { (format!("{:+.2} %", 100.0 * bias)) } }
-                    td { @if e.on_front { "yes" } @else if !e.is_same_truth { "other orders" } }
+                    td {
+                        @if e.on_front { "yes" }
+                        @else if !e.is_same_truth { "other orders" }
+                        @else if e.same_as.is_some() { "same pictures as one above" }
+                    }
                 } } }
             }
         }
