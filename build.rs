@@ -224,8 +224,8 @@ fn shader(
                     AccessType::ReadWrite => "ReadWrite",
                 };
                 collect_structs(&path, ty, false, structs, &mut errors);
-                // A second view of a binding, word by word; the host binds the first.
-                if block_name.ends_with("_words") {
+                // A second view of a binding, word by word or by vectors; the host binds the first.
+                if block_name.ends_with("_words") || block_name.ends_with("_vectors") {
                     continue;
                 }
                 bindings.insert(

@@ -4,7 +4,7 @@
 // get more than RADIX_STEPS_MAX times that. No subgroup operations.
 // Buffers: keys = input, in vectors of four (the last may be cut, see ENDS_AMID);
 //   histogram[pass * RADIX_DIGITS + digit] = count (zero before the dispatch).
-// Shared memory: a counter per digit and pass.
+// Shared memory: BINS counters per digit and pass.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
@@ -23,6 +23,9 @@ layout(constant_id = 1) const uint KEY_KIND = KEY_U32;
 layout(constant_id = 2) const uint DESCENDING = 0u;
 // Whether the buffer of keys may end amid a vector.
 layout(constant_id = 3) const uint ENDS_AMID = 0u;
+// 1, or WORKGROUP for every invocation to have counters of its own: for processors that stand in for a GPU, where atomic operations of
+// lanes follow one upon the other.
+layout(constant_id = 4) const uint BINS = 1u;
 
 layout(set = 0, binding = 0, std430) readonly buffer Keys { uvec4 keys[]; };
 layout(set = 0, binding = 0, scalar) readonly buffer KeysWords { uint key_words[]; };
@@ -36,7 +39,7 @@ layout(push_constant, scalar) uniform RadixHistogramPush {
     uint passes;
 };
 
-shared uint bins[RADIX_PASSES * RADIX_DIGITS];
+shared uint bins[RADIX_PASSES * RADIX_DIGITS * BINS];
 
 // The keys of a vector of which the first, 4 * i, exists.
 uvec4 load_keys(uint i, uint end) {
@@ -59,16 +62,8 @@ void count_key(uint key) {
     }
 }
 
-void main() {
-    for (uint i = gl_LocalInvocationIndex; i < passes * RADIX_DIGITS; i += WORKGROUP) {
-        bins[i] = 0u;
-    }
-    barrier();
-
-    uint end = item_count(count);
-    uint of_all = gl_NumWorkGroups.x * WORKGROUP * RADIX_STEP_KEYS; // keys of one step of all workgroups
-    uint steps = (end + of_all - 1u) / of_all;
-    uint first = gl_WorkGroupID.x * (steps * LOADS * WORKGROUP) + gl_LocalInvocationIndex; // vector
+// Counts the invocation's keys, `steps` times LOADS vectors: a step's loads first.
+void count_keys(uint first, uint steps, uint end) {
     for (uint step = 0u; step < steps; step++) {
         uvec4 loaded[LOADS];
         [[unroll]] for (uint k = 0u; k < LOADS; k++) {
@@ -84,11 +79,59 @@ void main() {
             }
         }
     }
+}
+
+void count_own_key(uint key) {
+    uint image = image_of_key(key, KEY_KIND, DESCENDING);
+    [[unroll]] for (uint pass = 0u; pass < RADIX_PASSES; pass++) {
+        // Beyond the last pass nothing is left of the key, and nobody reads the count.
+        uint digit = digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), image);
+        bins[(pass * RADIX_DIGITS + digit) * BINS + gl_LocalInvocationIndex]++;
+    }
+}
+
+// The same where the invocation has counters of its own.
+void count_own_keys(uint first, uint steps, uint end) {
+    uint full = end / 4u; // vectors that the end does not cut
+    [[dont_unroll]] for (uint k = 0u; k < steps * LOADS; k++) {
+        uint i = first + k * WORKGROUP;
+        if (i < full) {
+            uvec4 loaded = keys[i];
+            [[unroll]] for (uint c = 0u; c < 4u; c++) {
+                count_own_key(loaded[c]);
+            }
+        } else if (i == full) {
+            for (uint c = 0u; c < end % 4u; c++) {
+                count_own_key(key_words[4u * full + c]);
+            }
+        }
+    }
+}
+
+void main() {
+    for (uint i = gl_LocalInvocationIndex; i < passes * RADIX_DIGITS * BINS; i += WORKGROUP) {
+        bins[i] = 0u;
+    }
+    barrier();
+
+    uint end = item_count(count);
+    uint of_all = gl_NumWorkGroups.x * WORKGROUP * RADIX_STEP_KEYS; // keys of one step of all workgroups
+    uint steps = (end + of_all - 1u) / of_all;
+    uint first = gl_WorkGroupID.x * (steps * LOADS * WORKGROUP) + gl_LocalInvocationIndex; // vector
+    if (BINS != 1u) {
+        count_own_keys(first, steps, end);
+    } else {
+        count_keys(first, steps, end);
+    }
     barrier();
 
     for (uint i = gl_LocalInvocationIndex; i < passes * RADIX_DIGITS; i += WORKGROUP) {
-        if (bins[i] != 0u) {
-            atomicAdd(histogram[i], bins[i], gl_ScopeDevice, 0, 0);
+        uint keys_of_bin = 0u;
+        for (uint k = 0u; k < BINS; k++) {
+            keys_of_bin += bins[i * BINS + k];
+        }
+        if (keys_of_bin != 0u) {
+            atomicAdd(histogram[i], keys_of_bin, gl_ScopeDevice, 0, 0);
         }
     }
 }

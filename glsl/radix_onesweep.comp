@@ -5,10 +5,7 @@
 //
 // Grid: one workgroup per tile of WORKGROUP * KEYS pairs, any shape, tiles by take_tile.
 // Subgroups: any size >= SUBGROUP_MIN; the subgroup finds equal digits by ballots or by masks.
-// Buffers: keys_in, payloads_in -> keys_out, payloads_out (not the same memory); status (zero before the first pass):
-//   RADIX_PASSES tickets and as many words that say what each pass's keys are like, then per pass `rows` rows of
-//   RADIX_DIGITS words: row 0 from radix_scan.comp, row t + 1 of tile t. Counts stay below 2^30, the width of a status
-//   word's value.
+// Buffers: see radix_pass.glsl. `digits`: a digit's first place in the tile and, 16 bits up, the tile's count, until the look-back.
 // Shared memory: SCRATCH_WORDS + RADIX_DIGITS words and a few.
 //
 // Places beyond the count hold the largest image of a key. They come last in the last tile and sort last, so they get places like
@@ -18,86 +15,38 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 
-#define ITEM_COUNT_BINDING 4
-#define STATUS_BINDING 5
-#include "include/item_count.glsl"
-#include "include/radix.glsl"
-#include "include/tile_status.glsl"
+#include "include/constants.glsl"
+layout(constant_id = 4) const uint KEYS = 15u; // per invocation, at most 32
+const uint COUNT_STEPS = FALLBACK_STEPS;
+#include "include/radix_pass.glsl"
 
-layout(constant_id = 4) const uint KEYS = 15u; // per invocation, at most 32 (FALLBACK_STEPS)
 // At least WORKGROUP * ROUND_KEYS, and the counters (and masks) of every subgroup that the workgroup may have.
 layout(constant_id = 6) const uint SCRATCH_WORDS = 8192u;
 
-// Whether keys have payloads; without, the buffers of payloads are not touched.
-layout(constant_id = 7) const uint PAYLOADS = 1u;
 // Words of a ballot that are used: 1 where no subgroup has more than 32 lanes, else 4.
 layout(constant_id = 8) const uint BALLOT_WORDS = 4u;
 // Of an invocation's KEYS rows, how many find equal digits by a mask of lanes per digit in shared memory, instead of ballots;
 // none where a digit is frequent (RADIX_SKEWED): lanes wait for each other there. Needs BALLOT_WORDS 1.
 layout(constant_id = 9) const uint MASK_ROWS = 0u;
-// Status words that a step of look-back loads at once, so that their latencies overlap.
-layout(constant_id = 10) const uint AHEAD = 1u;
-// What the keys are and their order, see radix.glsl. The first pass turns keys into images, the last one turns them back:
-// between them all is as for u32, ascending.
-layout(constant_id = 11) const uint KEY_KIND = KEY_U32;
-layout(constant_id = 12) const uint DESCENDING = 0u;
 // The tile goes through shared memory in so many parts, one after the other: what is shared limits the workgroups under way.
 layout(constant_id = 13) const uint ROUNDS = 1u;
 
-layout(set = 0, binding = 0, scalar) readonly buffer KeysIn { uint keys_in[]; };
-layout(set = 0, binding = 1, scalar) readonly buffer PayloadsIn { uint payloads_in[]; };
-layout(set = 0, binding = 2, scalar) writeonly buffer KeysOut { uint keys_out[]; };
-layout(set = 0, binding = 3, scalar) writeonly buffer PayloadsOut { uint payloads_out[]; };
-
-layout(push_constant, scalar) uniform RadixOnesweepPush {
-    uint count; // pairs, or COUNT_ON_DEVICE
-    uint pass;
-    uint passes;
-    uint bit_begin;
-    uint bit_end;
-    uint digit_bits; // of a pass
-    uint rows; // status rows per pass
-};
-
-const uint TILE = WORKGROUP * KEYS;
-const uint DIGITS_EACH = (RADIX_DIGITS + WORKGROUP - 1u) / WORKGROUP;
 // Counters of a subgroup, two of 16 bits to a word: the even digit's is the low half.
 const uint COUNTER_WORDS = RADIX_DIGITS / 2u;
 const uint WORDS_EACH = (COUNTER_WORDS + WORKGROUP - 1u) / WORKGROUP;
 const uint PLACE_WORDS = (KEYS + 1u) / 2u; // half a word per row
 const uint ROUND_KEYS = (KEYS + ROUNDS - 1u) / ROUNDS; // rows of a round in sorted order
 const uint PADDING = 0xFFFFFFFFu;
-const uint NO_ROW = 0xFFFFFFFFu;
 
 // First each subgroup's digit counters (then: next places) and masks, then a round of the tile's keys in sorted order, then of its
 // payloads.
 shared uint scratch[SCRATCH_WORDS];
-// Per digit: its first place in the tile and, 16 bits up, the tile's count, then (fallback) a blocking tile's count, then what to
-// add to a place in the tile to get the place in the output.
-shared uint digits[RADIX_DIGITS];
 
 // The digit's `digit_window`. Read anew in every phase: else compilers keep the digits of all keys
 // in registers from one phase to the next, and registers are what limits the workgroups under way.
 shared uvec2 shared_window;
 // What the pass's keys are like: RADIX_* (radix_scan.comp).
 shared uint shared_likeness;
-// Highest status row that somebody misses, 0: none; NO_ROW: somebody has run out of budget, or misses row 0.
-shared uint shared_blocking;
-
-uint digit_at(uint key) {
-    return digit_in(digit_window(pass, bit_begin, bit_end, digit_bits), key);
-}
-
-// The key at an index, as the passes between first and last see it.
-uint load_key(uint index) {
-    uint key = keys_in[index];
-    return pass == 0u ? image_of_key(key, KEY_KIND, DESCENDING) : key;
-}
-
-// What the pass writes of it.
-uint leaving_key(uint key) {
-    return pass + 1u == passes ? key_of_image(key, KEY_KIND, DESCENDING) : key;
-}
 
 uint counter_word(uint digit) {
     return gl_SubgroupID * COUNTER_WORDS + digit / 2u;
@@ -191,108 +140,13 @@ void share(uint words[KEYS], uint places[PLACE_WORDS], uint round) {
     }
 }
 
-// Counts the digits of a tile in `digits`: what its owner would have published. Resets `shared_blocking`.
-void count_digits(uint tile, uint end) {
-    barrier(); // `shared_blocking` may still be read
-    if (linear_index() == 0u) {
-        shared_blocking = 0u;
-    }
-    for (uint i = linear_index(); i < RADIX_DIGITS; i += WORKGROUP) {
-        digits[i] = 0u;
-    }
-    barrier();
+void count_share(uint tile, uint end) {
     [[dont_unroll]] for (uint row = 0u; row < KEYS; row++) {
         uint index = key_index(tile, row);
         if (index < end) {
-            atomicAdd(digits[digit_at(load_key(index))], 1u, gl_ScopeWorkgroup, 0, 0);
+            count_digit(load_key(index));
         }
     }
-    barrier();
-}
-
-// Looks back for the invocation's digits [first, first + DIGITS_EACH): how many keys come before the tile's in the output, those of
-// smaller digits and those of the same digit in earlier tiles. Leaves in `digits` that less the digit's first place in the tile.
-// Publishes the sums with the tile's own `counts` as soon as they are known: others wait for them. Ends with a barrier. False: out
-// of budget, reported.
-bool look_back(uint tile, uint end, uint base, uint first, uint starts[DIGITS_EACH], uint counts[DIGITS_EACH]) {
-    uint before[DIGITS_EACH];
-    uint row[DIGITS_EACH]; // the status row to look at next, NO_ROW = done
-    for (uint i = 0u; i < DIGITS_EACH; i++) {
-        before[i] = 0u;
-        row[i] = first + i < RADIX_DIGITS ? tile : NO_ROW;
-    }
-    uint steps = 0u;
-    uint spins = 0u;
-    uint fallbacks = 0u;
-    bool failed = false;
-    for (;;) {
-        uint blocking = 0u; // highest row that is missing
-        for (uint i = 0u; i < DIGITS_EACH; i++) {
-            uint polls = 0u;
-            while (row[i] != NO_ROW && polls <= SPIN_LIMIT && steps < LOOKBACK_BUDGET) {
-                uint words[AHEAD];
-                [[unroll]] for (uint k = 0u; k < AHEAD; k++) {
-                    // Row 0 is inclusive: what would come before it is not looked at.
-                    words[k] = load_status(base + (row[i] - min(k, row[i])) * RADIX_DIGITS + first + i);
-                }
-                bool goes_on = true;
-                [[unroll]] for (uint k = 0u; k < AHEAD; k++) {
-                    uint state = words[k] >> STATE_SHIFT;
-                    if (goes_on && state != STATE_NONE) {
-                        before[i] += words[k] & VALUE_MASK;
-                        row[i] = state == STATE_INCLUSIVE ? NO_ROW : row[i] - 1u;
-                        polls = 0u;
-                        if (state == STATE_INCLUSIVE && may_publish(tile)) {
-                            uint own = base + (tile + 1u) * RADIX_DIGITS + first + i;
-                            publish_status(own, STATE_INCLUSIVE, before[i] + counts[i]);
-                        }
-                    } else if (goes_on) {
-                        polls++;
-                        spins++;
-                    }
-                    goes_on = goes_on && state == STATE_READY;
-                }
-                steps += AHEAD;
-            }
-            blocking = max(blocking, row[i] == NO_ROW ? 0u : row[i]);
-        }
-        for (uint i = 0u; i < DIGITS_EACH; i++) {
-            // Row 0 is complete before this dispatch begins, and is never waited for.
-            bool stuck = row[i] == 0u || (row[i] != NO_ROW && steps >= LOOKBACK_BUDGET);
-            blocking = stuck ? NO_ROW : blocking;
-            if (first + i < RADIX_DIGITS) {
-                digits[first + i] = before[i] - starts[i];
-            }
-        }
-        if (blocking != 0u) {
-            atomicMax(shared_blocking, blocking, gl_ScopeWorkgroup, 0, 0);
-        }
-        barrier();
-        blocking = shared_blocking;
-        failed = blocking == NO_ROW;
-        if (failed || blocking == 0u) {
-            break;
-        }
-        count_digits(blocking - 1u, end);
-        for (uint i = 0u; i < DIGITS_EACH; i++) {
-            if (row[i] == blocking) {
-                uint counted = digits[first + i];
-                publish_status(base + blocking * RADIX_DIGITS + first + i, STATE_READY, counted);
-                before[i] += counted;
-                row[i] = blocking - 1u;
-            }
-        }
-        steps += FALLBACK_STEPS;
-        fallbacks++;
-    }
-    spins = subgroupAdd(spins);
-    if (subgroupElect()) {
-        report_lookback(spins, gl_SubgroupID == 0u ? fallbacks : 0u);
-        if (failed) {
-            report_error(ERROR_BUDGET);
-        }
-    }
-    return !failed;
 }
 
 void main() {
@@ -313,14 +167,8 @@ void main() {
         return;
     }
     if (shared_likeness == RADIX_ALIKE) {
-        if (CARRY == CARRY_COUNT) {
-            return; // there is nothing to count
-        }
-        for (uint i = tile * TILE + self; i < min(end, (tile + 1u) * TILE); i += WORKGROUP) {
-            keys_out[i] = leaving_key(load_key(i));
-            if (PAYLOADS != 0u) {
-                payloads_out[i] = payloads_in[i];
-            }
+        if (CARRY != CARRY_COUNT) { // else there is nothing to count
+            copy_tile(tile, end);
         }
         return;
     }

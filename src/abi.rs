@@ -100,10 +100,10 @@ pub struct RadixScanPush {
     pub rows: u32,
 }
 
-/// `radix_onesweep.comp`.
+/// `radix_onesweep.comp` and `radix_runs.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct RadixOnesweepPush {
+pub struct RadixPassPush {
     /// Pairs, or `COUNT_ON_DEVICE`.
     pub count: u32,
     /// Which digit, from 0.

@@ -19,6 +19,7 @@ use tyndall::vk::{Context, Recorder, Validation};
 const SMALL_TILES: RadixSortConfig = RadixSortConfig {
     workgroup: Some(128),
     keys: 1,
+    blocked: false,
     rounds: 1,
     payloads: true,
     kind: KeyKind::U32,
@@ -31,6 +32,22 @@ const SMALL_TILES: RadixSortConfig = RadixSortConfig {
     ahead: 1,
     histogram_workgroup: 128,
 };
+
+/// The same where every invocation has a run (of one vector; a workgroup is a subgroup).
+const SMALL_RUNS: RadixSortConfig = RadixSortConfig { workgroup: None, keys: 4, blocked: true, ..SMALL_TILES };
+
+/// Both, with the pairs of a tile.
+fn small_tiles(ctx: &Context) -> [(RadixSortConfig, usize); 2] {
+    [(SMALL_TILES, 128), (SMALL_RUNS, 4 * ctx.max_subgroup_size() as usize)]
+}
+
+/// What this device gets, and what the others get: rows of a subgroup on GPUs, runs on processors.
+fn both_kinds(ctx: &Context) -> [RadixSortConfig; 2] {
+    let tuned = Tuning::of(ctx).sort;
+    let portable = Tuning::portable().sort;
+    let other = if tuned.blocked { portable } else { RadixSortConfig { keys: 1016, blocked: true, ..portable } };
+    [tuned, other]
+}
 
 fn indices(n: usize) -> Vec<u32> {
     (0..n as u32).collect()
@@ -93,17 +110,18 @@ fn check_keys_by(ctx: &Context, config: RadixSortConfig, bits: Range<u32>, keys:
 fn exact_around_every_boundary() {
     gpu_test(|ctx| {
         let s = ctx.device_info().subgroup_size as usize;
-        let config = Tuning::of(ctx).sort;
-        let tile = RadixSort::new(ctx, config).unwrap().tile() as usize;
-        let mut sizes = vec![0, 1, 2, 3, s - 1, s, s + 1, 255, 256, 257, tile - 1, tile, tile + 1];
-        sizes.extend([2 * tile - 1, 2 * tile, 2 * tile + 1, 32_767, 32_768, 32_769, 65_537]);
-        check_sizes(ctx, config, 0..32, &sizes);
+        for config in both_kinds(ctx) {
+            let tile = RadixSort::new(ctx, config).unwrap().tile() as usize;
+            let mut sizes = vec![0, 1, 2, 3, s - 1, s, s + 1, 255, 256, 257, tile - 1, tile, tile + 1];
+            sizes.extend([2 * tile - 1, 2 * tile, 2 * tile + 1, 32_767, 32_768, 32_769, 65_537]);
+            check_sizes(ctx, config, 0..32, &sizes);
+        }
     });
 }
 
 #[test]
 fn exact_at_a_million() {
-    gpu_test(|ctx| check_sizes(ctx, Tuning::of(ctx).sort, 0..32, &[1_000_003]));
+    gpu_test(|ctx| both_kinds(ctx).iter().for_each(|&config| check_sizes(ctx, config, 0..32, &[1_000_003])));
 }
 
 #[test]
@@ -117,7 +135,11 @@ fn exact_with_more_tiles_than_a_step_of_the_column_scan() {
 
 #[test]
 fn exact_at_every_size_between_one_and_two_tiles() {
-    gpu_test(|ctx| check_sizes(ctx, SMALL_TILES, 0..16, &(128..=256).collect::<Vec<_>>()));
+    gpu_test(|ctx| {
+        for (config, tile) in small_tiles(ctx) {
+            check_sizes(ctx, config, 0..16, &(tile..=2 * tile).collect::<Vec<_>>());
+        }
+    });
 }
 
 #[test]
@@ -146,6 +168,12 @@ fn exact_in_every_shape_and_by_all_ways_of_matching() {
                         random_words.iter().map(|w| if w % 5 == 0 { w % 0xFF_FFFF } else { *w & 0xFF_FF00 }).collect();
                     check_keys_by(ctx, config, 0..32, &keys, &[1_000, 20_021]);
                 }
+            }
+        }
+        for keys in if ctx.validation() == Validation::GpuAssisted { vec![8] } else { vec![4, 20, 516, 2048] } {
+            for ahead in [1, 3] {
+                let config = RadixSortConfig { keys, ahead, ..SMALL_RUNS };
+                check_sizes(ctx, config, 0..32, &[1, 1_000, 20_021]);
             }
         }
     });
@@ -185,12 +213,12 @@ fn patterns(n: usize, tile: usize) -> Vec<(String, Vec<u32>)> {
 #[test]
 fn exact_for_every_pattern_of_keys() {
     gpu_test(|ctx| {
-        for carry in CARRIES {
-            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..Tuning::of(ctx).sort }).unwrap();
+        for (carry, config) in CARRIES.into_iter().flat_map(|carry| both_kinds(ctx).map(|config| (carry, config))) {
+            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..config }).unwrap();
             let n = 3 * sort.tile() as usize + 77;
             let scratch = sort.scratch(ctx, n as u32).unwrap();
             for (name, keys) in patterns(n, sort.tile() as usize) {
-                check(ctx, &sort, &scratch, 0..32, &keys, &format!("{name}, {carry:?}"));
+                check(ctx, &sort, &scratch, 0..32, &keys, &format!("{name}, {config:?}, {carry:?}"));
             }
         }
     });
@@ -199,17 +227,19 @@ fn exact_for_every_pattern_of_keys() {
 #[test]
 fn a_digit_that_all_keys_share_is_passed_by_without_look_back() {
     gpu_test(|ctx| {
-        // Tiles that never publish: whoever looks back must count them.
-        let sort = RadixSort::new(ctx, RadixSortConfig { withhold: 1, ..SMALL_TILES }).unwrap();
-        let mut random = Random(12);
-        let n = 128 * 20 + 7;
-        let scratch = sort.scratch(ctx, n as u32).unwrap();
-        let report = check(ctx, &sort, &scratch, 0..32, &vec![0x1234_5678; n], "one key");
-        assert_eq!((report.fallbacks, report.spins), (0, 0));
-        let first = check(ctx, &sort, &scratch, 0..8, &random.words(n), "random").fallbacks;
-        let keys: Vec<u32> = (0..n).map(|_| 0x1234_0078 | (random.word() & 0xFF00)).collect();
-        let report = check(ctx, &sort, &scratch, 0..32, &keys, "one digit");
-        assert!(report.fallbacks >= 20 && report.fallbacks < 2 * first, "{report:?} where a pass has {first}");
+        for (config, tile) in small_tiles(ctx) {
+            // Tiles that never publish: whoever looks back must count them.
+            let sort = RadixSort::new(ctx, RadixSortConfig { withhold: 1, ..config }).unwrap();
+            let mut random = Random(12);
+            let n = tile * 20 + 7;
+            let scratch = sort.scratch(ctx, n as u32).unwrap();
+            let report = check(ctx, &sort, &scratch, 0..32, &vec![0x1234_5678; n], "one key");
+            assert_eq!((report.fallbacks, report.spins), (0, 0));
+            let first = check(ctx, &sort, &scratch, 0..8, &random.words(n), "random").fallbacks;
+            let keys: Vec<u32> = (0..n).map(|_| 0x1234_0078 | (random.word() & 0xFF00)).collect();
+            let report = check(ctx, &sort, &scratch, 0..32, &keys, "one digit");
+            assert!(report.fallbacks >= 20 && report.fallbacks < 2 * first, "{report:?} where a pass has {first}");
+        }
     });
 }
 
@@ -218,8 +248,8 @@ fn any_window_of_bits_any_number_of_passes() {
     gpu_test(|ctx| {
         for carry in CARRIES {
             let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..Tuning::of(ctx).sort }).unwrap();
-            let keys = Random(7).words(9_001);
-            let scratch = sort.scratch(ctx, 9_001).unwrap();
+            let keys = Random(7).words(sort.tile() as usize + 3_001);
+            let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
             let windows = [
                 0..0,
                 7..7,
@@ -250,8 +280,8 @@ fn the_count_may_come_from_the_gpu() {
     gpu_test(|ctx| {
         let capacity = 40_000;
         let keys = Random(8).words(capacity);
-        for carry in CARRIES {
-            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..Tuning::of(ctx).sort }).unwrap();
+        for (carry, config) in CARRIES.into_iter().flat_map(|carry| both_kinds(ctx).map(|config| (carry, config))) {
+            let sort = RadixSort::new(ctx, RadixSortConfig { carry, ..config }).unwrap();
             let tile = sort.tile() as usize;
             let scratch = sort.scratch(ctx, capacity as u32).unwrap();
             let sort_counted = |n: u32| {
@@ -289,11 +319,14 @@ fn the_count_may_come_from_the_gpu() {
 #[test]
 fn a_count_on_the_gpu_may_take_the_histogram_several_steps() {
     gpu_test(|ctx| {
-        let sort = RadixSort::new(ctx, RadixSortConfig { histogram_workgroup: 64, ..Tuning::of(ctx).sort }).unwrap();
-        // In one step of its 256 workgroups it takes 2^18 keys.
+        // In one step of its 256 workgroups it takes 2^18 keys; with a workgroup of runs 2^15 at most, of up to 64 lanes.
+        let [one, other] = both_kinds(ctx).map(|config| RadixSortConfig { histogram_workgroup: 64, ..config });
         let keys = Random(14).words((1 << 19) + 3);
-        let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
-        for n in [1000, (1 << 18) - 1, (1 << 18) + 1, keys.len()] {
+        for (config, n) in [one, other].into_iter().flat_map(|config| {
+            [1000, (1 << 15) - 1, (1 << 15) + 1, (1 << 18) - 1, (1 << 18) + 1, keys.len()].map(|n| (config, n))
+        }) {
+            let sort = RadixSort::new(ctx, config).unwrap();
+            let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
             let counts = ctx.upload("counts", &[n as u32]).unwrap();
             let (key_buffer, payloads) =
                 (ctx.upload("keys", &keys).unwrap(), ctx.upload("payloads", &indices(keys.len())).unwrap());
@@ -312,23 +345,28 @@ fn a_count_on_the_gpu_may_take_the_histogram_several_steps() {
 fn tiles_in_order_find_what_they_wait_for() {
     // Then nothing that was published is missing.
     tiles_in_order_test(|ctx| {
-        let sort = RadixSort::new(ctx, SMALL_TILES).unwrap();
-        let scratch = sort.scratch(ctx, 10_000).unwrap();
-        let report = check(ctx, &sort, &scratch, 0..32, &Random(13).words(10_000), "in order");
-        assert_eq!((report.spins, report.fallbacks), (0, 0));
+        for (config, _) in small_tiles(ctx) {
+            let sort = RadixSort::new(ctx, config).unwrap();
+            let scratch = sort.scratch(ctx, 10_000).unwrap();
+            let report = check(ctx, &sort, &scratch, 0..32, &Random(13).words(10_000), "in order");
+            assert_eq!((report.spins, report.fallbacks), (0, 0));
+        }
     });
 }
 
 #[test]
 fn a_suspended_tile_is_counted_by_those_that_need_it() {
     gpu_test(|ctx| {
-        let keys = Random(9).words(128 * 60 + 5);
-        for withhold in [1, 2, 5, 30] {
+        let random_words = Random(9).words(256 * 60 + 5);
+        for ((small, tile), withhold) in
+            small_tiles(ctx).into_iter().flat_map(|small| [1, 2, 5, 30].map(|withhold| (small, withhold)))
+        {
+            let keys = &random_words[..tile * 60 + 5];
             for spin_limit in [0, 1, 64] {
-                let config = RadixSortConfig { withhold, spin_limit, ..SMALL_TILES };
+                let config = RadixSortConfig { withhold, spin_limit, ..small };
                 let sort = RadixSort::new(ctx, config).unwrap();
                 let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
-                let report = check(ctx, &sort, &scratch, 4..20, &keys, &format!("{config:?}"));
+                let report = check(ctx, &sort, &scratch, 4..20, keys, &format!("{config:?}"));
                 // In both passes, all withheld tiles but the last one, which nobody needs.
                 assert!(report.fallbacks >= 2 * 60u32.div_ceil(withhold), "{config:?}: {report:?}");
                 assert!(report.spins >= report.fallbacks, "{config:?}: {report:?}");
@@ -342,36 +380,40 @@ fn without_look_back_no_tile_waits_for_what_is_withheld() {
     gpu_test(|ctx| {
         // With look-back the first of these counts every tile anew, and the second is an error.
         for (withhold, spin_limit) in [(1, 0), (1, u32::MAX), (2, u32::MAX), (5, 64)] {
-            let config = RadixSortConfig { carry: Carry::Dispatches, withhold, spin_limit, ..SMALL_TILES };
-            check_sizes_by(ctx, config, 4..20, &[1, 128 * 6, 128 * 60 + 5]);
+            for (small, tile) in small_tiles(ctx) {
+                let config = RadixSortConfig { carry: Carry::Dispatches, withhold, spin_limit, ..small };
+                check_sizes_by(ctx, config, 4..20, &[1, tile * 6, tile * 60 + 5]);
+            }
         }
     });
 }
 
 #[test]
 fn an_exhausted_budget_is_an_error_and_no_pair_is_misplaced() {
-    gpu_test(|ctx| {
-        let keys = Random(10).words(128 * 6);
-        let sort = RadixSort::new(ctx, RadixSortConfig { withhold: 2, spin_limit: u32::MAX, ..SMALL_TILES }).unwrap();
-        let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
-        let key_buffer = ctx.upload("keys", &keys).unwrap();
-        let count = Count::Host(keys.len() as u32);
-        // A sort that works leaves marks where the result will be: one pass ends in the scratch memory.
-        let marks = ctx.upload("payloads", &vec![u32::MAX; keys.len()]).unwrap();
-        let mut rec = Recorder::new(ctx).unwrap();
-        RadixSort::new(ctx, SMALL_TILES).unwrap().record(&mut rec, &key_buffer, &marks, count, 0..8, &scratch);
-        rec.submit_and_wait().unwrap();
-        let payload_buffer = ctx.upload("payloads", &indices(keys.len())).unwrap();
-        let mut rec = Recorder::new(ctx).unwrap();
-        let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, count, 0..8, &scratch);
-        rec.submit_and_wait().unwrap();
-        let error = scratch.diagnostics().check(ctx, "radix sort").unwrap_err().to_string();
-        assert!(error.contains("'radix sort'") && error.contains("loop budget"), "{error}");
-        let payloads = ctx.read_back(sorted.payloads).unwrap();
-        let (_, expected) = cpu::radix_sort::sort_pairs(&keys, &indices(keys.len()), 0, 8);
-        assert!(payloads.iter().zip(&expected).all(|(&got, &right)| got == right || got == u32::MAX));
-        assert_eq!(payloads.iter().filter(|&&got| got != u32::MAX).count(), 128, "tile 0 alone needs nobody");
-    });
+    gpu_test(|ctx| small_tiles(ctx).into_iter().for_each(|(small, tile)| budget_test(ctx, small, tile)));
+}
+
+fn budget_test(ctx: &Context, small: RadixSortConfig, tile: usize) {
+    let keys = Random(10).words(tile * 6);
+    let sort = RadixSort::new(ctx, RadixSortConfig { withhold: 2, spin_limit: u32::MAX, ..small }).unwrap();
+    let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
+    let key_buffer = ctx.upload("keys", &keys).unwrap();
+    let count = Count::Host(keys.len() as u32);
+    // A sort that works leaves marks where the result will be: one pass ends in the scratch memory.
+    let marks = ctx.upload("payloads", &vec![u32::MAX; keys.len()]).unwrap();
+    let mut rec = Recorder::new(ctx).unwrap();
+    RadixSort::new(ctx, small).unwrap().record(&mut rec, &key_buffer, &marks, count, 0..8, &scratch);
+    rec.submit_and_wait().unwrap();
+    let payload_buffer = ctx.upload("payloads", &indices(keys.len())).unwrap();
+    let mut rec = Recorder::new(ctx).unwrap();
+    let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, count, 0..8, &scratch);
+    rec.submit_and_wait().unwrap();
+    let error = scratch.diagnostics().check(ctx, "radix sort").unwrap_err().to_string();
+    assert!(error.contains("'radix sort'") && error.contains("loop budget"), "{error}");
+    let payloads = ctx.read_back(sorted.payloads).unwrap();
+    let (_, expected) = cpu::radix_sort::sort_pairs(&keys, &indices(keys.len()), 0, 8);
+    assert!(payloads.iter().zip(&expected).all(|(&got, &right)| got == right || got == u32::MAX));
+    assert_eq!(payloads.iter().filter(|&&got| got != u32::MAX).count(), tile, "tile 0 alone needs nobody");
 }
 
 #[test]

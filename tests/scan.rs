@@ -32,9 +32,9 @@ const SMALL_TILES: ScanConfig = ScanConfig {
 };
 
 /// Items of [`SMALL_RUNS`].
-const SMALL_OF_RUNS: usize = 1024;
+const SMALL_OF_RUNS: usize = 2048;
 /// The same where every invocation has a run.
-const SMALL_RUNS: ScanConfig = ScanConfig { vectors: 4, blocked: true, ..SMALL_TILES };
+const SMALL_RUNS: ScanConfig = ScanConfig { vectors: 8, blocked: true, ..SMALL_TILES };
 
 /// Scans `items` and compares with the twin. Items are random words, so that sums wrap.
 fn check(ctx: &Context, scan: &Scan, scratch: &ScanScratch, config: ScanConfig, items: &[u32]) -> Report {
@@ -101,11 +101,11 @@ fn exact_in_every_shape() {
         let shapes = [
             (256, 1, false),
             (128, 3, false),
-            (128, 4, true),
+            (128, 8, true),
             (64, 32, false),
             (128, 4, false),
             (512, 2, false),
-            (64, 128, true),
+            (64, 256, true),
         ];
         let shapes = if ctx.validation() == Validation::GpuAssisted { &shapes[..3] } else { &shapes };
         for &(workgroup, vectors, blocked) in shapes {

@@ -62,7 +62,9 @@ const uint RADIX_SKEWED = 2u;
 // A digit is frequent if more than one key in so many has it.
 const uint RADIX_FREQUENT = 8u;
 // Vectors of a lane's run that scan.comp adds up in one iteration.
-const uint SCAN_RUN_VECTORS = 4u;
+const uint SCAN_RUN_VECTORS = 8u;
+// Most vectors of four keys of a run of radix_runs.comp.
+const uint RADIX_RUN_VECTORS = 512u;
 // Keys that an invocation of radix_histogram.comp has under way together.
 const uint RADIX_STEP_KEYS = 16u;
 // How often it may take so many: the loops over all passes stay within half of MAX_ITERATIONS then.

@@ -1,6 +1,7 @@
 //! Host side of the kernels that carry sums from tile to tile (`glsl/include/tile_status.glsl`, `lookback.glsl`): by look-back
 //! or without, counts that live on the host or on the GPU, grids, status memory, and what the kernels report.
 
+use super::tuning;
 use crate::abi::{ColumnScanPush, DispatchArgsPush};
 use crate::shaders::{self, ShaderInfo, constants};
 use crate::vk::{Access, Bind, Buffer, Context, Pipeline, Recorder};
@@ -111,9 +112,6 @@ pub(super) enum TileKernel {
     Dispatches { count: Pipeline, columns: Pipeline, given: Pipeline },
 }
 
-/// Invocations of a workgroup of `column_scan.comp`.
-const COLUMN_WORKGROUP: u32 = 256;
-
 impl TileKernel {
     /// Makes the pipelines.
     pub(super) fn new(
@@ -126,7 +124,7 @@ impl TileKernel {
         Ok(match carry {
             Carry::LookBack => Self::LookBack(kernel(constants::CARRY_LOOK_BACK)?),
             Carry::Dispatches => {
-                let columns = [("WORKGROUP", COLUMN_WORKGROUP), ("SUBGROUP_MIN", ctx.min_subgroup_size())];
+                let columns = [("WORKGROUP", tuning::column_workgroup(ctx)), ("SUBGROUP_MIN", ctx.min_subgroup_size())];
                 Self::Dispatches {
                     count: kernel(constants::CARRY_COUNT)?,
                     columns: Pipeline::new(ctx, &shaders::COLUMN_SCAN, &columns)?,

@@ -2,7 +2,7 @@
 //! `radix_onesweep.comp`. Without look-back a pass is three dispatches: count, `column_scan.comp`, place.
 
 use super::lookback::{self, Carry, Columns, Count, Diagnostics, DispatchArgs, Groups, TileKernel};
-use crate::abi::{RadixHistogramPush, RadixOnesweepPush, RadixScanPush};
+use crate::abi::{RadixHistogramPush, RadixPassPush, RadixScanPush};
 use crate::shaders::{self, constants};
 use crate::vk::{Access, Buffer, Context, Pipeline, Recorder};
 use crate::{Error, Result};
@@ -10,9 +10,12 @@ use std::ops::Range;
 
 /// Words of the histograms of all passes. Behind them a storage buffer may begin: 4 KiB are a multiple of any device's alignment.
 const HISTOGRAM_WORDS: u32 = constants::RADIX_PASSES * constants::RADIX_DIGITS;
-/// Most workgroups of the histogram, unless its loops got too long: they fill a large device, and more would only add to what they
-/// write.
+/// Most counters per digit and pass of all workgroups of the histogram: workgroups with one of each fill a large device, and more would
+/// only add to what they write.
 const HISTOGRAM_GROUPS: u32 = 256;
+
+/// Fewest invocations of a workgroup of `radix_onesweep.comp`: with fewer a fallback takes longer than it is charged.
+const LEAST_OF_ROWS: u32 = 64;
 
 /// What the keys' words are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,10 +42,13 @@ impl KeyKind {
 #[derive(Clone, Copy, Debug)]
 pub struct RadixSortConfig {
     /// Invocations of a workgroup, a multiple of the subgroup size; `None`: 256, or 128 where subgroups are so narrow
-    /// that their counters would not fit the shared memory.
+    /// that their counters would not fit the shared memory; if `blocked`, a subgroup.
     pub workgroup: Option<u32>,
-    /// Keys per invocation, 1 to 32.
+    /// Keys per invocation, 1 to 32; if `blocked`, a multiple of 4 up to 2048.
     pub keys: u32,
+    /// Whether an invocation owns a run of keys and has counters of its own, instead of every so-manieth key of its subgroup's: for
+    /// processors (`radix_runs.comp`).
+    pub blocked: bool,
     /// In how many rounds they go through shared memory: more take less of it, so that larger tiles fit. 1 to `keys`.
     pub rounds: u32,
     /// Whether every key has a payload.
@@ -64,7 +70,7 @@ pub struct RadixSortConfig {
     pub mask_rows: u32,
     /// Status words that a step of look-back loads at once.
     pub ahead: u32,
-    /// Invocations of a workgroup of the histogram.
+    /// Invocations of a workgroup of the histogram; if `blocked`, of the scan of it.
     pub histogram_workgroup: u32,
 }
 
@@ -73,6 +79,7 @@ impl Default for RadixSortConfig {
         Self {
             workgroup: None,
             keys: 15,
+            blocked: false,
             rounds: 1,
             payloads: true,
             kind: KeyKind::U32,
@@ -88,15 +95,93 @@ impl Default for RadixSortConfig {
     }
 }
 
+impl RadixSortConfig {
+    /// Can an invocation have so many keys?
+    pub fn keys_fit(&self) -> bool {
+        if self.blocked {
+            self.keys.is_multiple_of(4) && (4..=4 * constants::RADIX_RUN_VECTORS).contains(&self.keys)
+        } else {
+            (1..=32).contains(&self.keys)
+        }
+    }
+
+    /// Invocations of a workgroup of `radix_onesweep.comp`, and its specialization.
+    fn workgroup_of_rows(&self, ctx: &Context) -> Result<(u32, Vec<(&'static str, u32)>)> {
+        assert!(self.keys_fit(), "{} keys; radix_onesweep.comp takes 1 to 32", self.keys);
+        assert!((1..=self.keys).contains(&self.rounds), "{} rounds of {} keys", self.rounds, self.keys);
+        let narrow = ctx.min_subgroup_size();
+        let limit = ctx.max_shared_bytes();
+        let has_masks = self.mask_rows > 0 && ctx.max_subgroup_size() <= 32;
+        let shared = |workgroup| Shared::of(workgroup, self.keys.div_ceil(self.rounds), has_masks, narrow);
+        let workgroup = self.workgroup.unwrap_or(if shared(256).bytes <= limit { 256 } else { 128 });
+        let shared = shared(workgroup);
+        lookback::check_workgroup(ctx, "radix sort", workgroup)?;
+        // Places and counts have 16 bits.
+        assert!(workgroup * self.keys <= 0xFFFF, "tiles of {workgroup} x {}", self.keys);
+        if workgroup < LEAST_OF_ROWS {
+            let text = format!("workgroups of {workgroup} invocations");
+            return Err(Error::input(
+                "radix sort",
+                text,
+                format!("give them at least {LEAST_OF_ROWS}, or runs of keys"),
+            ));
+        }
+        if shared.bytes > limit {
+            let keys = self.keys;
+            return Err(Error::input(
+                "radix sort",
+                format!(
+                    "{keys} keys for each of {workgroup} invocations in subgroups of {narrow}: {} bytes",
+                    shared.bytes
+                ),
+                format!(
+                    "the device shares {limit} bytes among a workgroup: use fewer keys, more rounds or smaller workgroups"
+                ),
+            ));
+        }
+        let specialization = vec![
+            ("ROUNDS", self.rounds),
+            ("SCRATCH_WORDS", shared.scratch_words),
+            ("BALLOT_WORDS", if ctx.max_subgroup_size() <= 32 { 1 } else { 4 }),
+            ("MASK_ROWS", if has_masks { self.mask_rows } else { 0 }),
+        ];
+        Ok((workgroup, specialization))
+    }
+
+    /// Invocations of a workgroup of `radix_runs.comp`.
+    fn workgroup_of_runs(&self, ctx: &Context) -> Result<u32> {
+        let workgroup = self.workgroup.unwrap_or(ctx.max_subgroup_size());
+        lookback::check_workgroup(ctx, "radix sort", workgroup)?;
+        assert!(self.keys_fit(), "{} keys in a run", self.keys);
+        if !constants::RADIX_DIGITS.is_multiple_of(workgroup) {
+            let text = format!("{workgroup} invocations for {} digits", constants::RADIX_DIGITS);
+            return Err(Error::input("radix sort", text, "use workgroups of a power of two"));
+        }
+        // The counters of all, the digits, the partial sums of the subgroups, the ticket and the row that is missing.
+        let words = (workgroup + 1) * constants::RADIX_DIGITS + workgroup / ctx.min_subgroup_size() + 2;
+        let limit = ctx.max_shared_bytes();
+        if 4 * words > limit {
+            return Err(Error::input(
+                "radix sort",
+                format!("counters for each of {workgroup} invocations: {} bytes", 4 * words),
+                format!("the device shares {limit} bytes among a workgroup: use smaller workgroups"),
+            ));
+        }
+        Ok(workgroup)
+    }
+}
+
 /// The pass.
 pub struct RadixSort {
     histogram: Pipeline,
     scan: Pipeline,
-    onesweep: TileKernel,
+    pass: TileKernel,
     args: DispatchArgs,
     tile: u32,
     /// Keys that a workgroup of the histogram has under way together.
     histogram_step: u32,
+    /// Most of its workgroups, unless their loops got too long.
+    histogram_groups: u32,
     payloads: bool,
 }
 
@@ -159,58 +244,44 @@ impl Shared {
 impl RadixSort {
     /// Makes the pipelines.
     pub fn new(ctx: &Context, config: RadixSortConfig) -> Result<Self> {
-        assert!((1..=32).contains(&config.keys), "{} keys; radix_onesweep.comp takes 1 to 32", config.keys);
-        assert!((1..=config.keys).contains(&config.rounds), "{} rounds of {} keys", config.rounds, config.keys);
         assert!((1..=32).contains(&config.ahead), "{} status words at once", config.ahead);
-        let narrow = ctx.min_subgroup_size();
-        let limit = ctx.max_shared_bytes();
-        let has_masks = config.mask_rows > 0 && ctx.max_subgroup_size() <= 32;
-        let shared = |workgroup| Shared::of(workgroup, config.keys.div_ceil(config.rounds), has_masks, narrow);
-        let workgroup = config.workgroup.unwrap_or(if shared(256).bytes <= limit { 256 } else { 128 });
-        let shared = shared(workgroup);
-        lookback::check_workgroup(ctx, "radix sort", workgroup)?;
-        // Places and counts have 16 bits; and below 64 invocations a fallback takes longer than it is charged.
-        assert!(workgroup >= 64 && workgroup * config.keys <= 0xFFFF, "tiles of {workgroup} x {}", config.keys);
         lookback::check_workgroup(ctx, "radix sort", config.histogram_workgroup)?;
-        if shared.bytes > limit {
-            let keys = config.keys;
-            return Err(Error::input(
-                "radix sort",
-                format!(
-                    "{keys} keys for each of {workgroup} invocations in subgroups of {narrow}: {} bytes",
-                    shared.bytes
-                ),
-                format!(
-                    "the device shares {limit} bytes among a workgroup: use fewer keys, more rounds or smaller workgroups"
-                ),
-            ));
-        }
         let (kind, descending) = (("KEY_KIND", config.kind.code()), ("DESCENDING", config.descending.into()));
+        let (shader, workgroup, of_shader) = if config.blocked {
+            (&shaders::RADIX_RUNS, config.workgroup_of_runs(ctx)?, vec![])
+        } else {
+            let (workgroup, of_shader) = config.workgroup_of_rows(ctx)?;
+            (&shaders::RADIX_ONESWEEP, workgroup, of_shader)
+        };
+        let (of_histogram, bins, of_scan) = if config.blocked {
+            let lanes = ctx.max_subgroup_size();
+            let bins = if 4 * HISTOGRAM_WORDS * lanes <= ctx.max_shared_bytes() { lanes } else { 1 };
+            (lanes, bins, config.histogram_workgroup)
+        } else {
+            (config.histogram_workgroup, 1, workgroup)
+        };
         let histogram =
-            [("WORKGROUP", config.histogram_workgroup), kind, descending, ("ENDS_AMID", config.ends_amid.into())];
-        let scan = [("WORKGROUP", workgroup), ("SUBGROUP_MIN", narrow)];
-        let onesweep = [
+            [("WORKGROUP", of_histogram), ("BINS", bins), ("ENDS_AMID", config.ends_amid.into()), kind, descending];
+        let scan = [("WORKGROUP", of_scan), ("SUBGROUP_MIN", ctx.min_subgroup_size())];
+        let of_pass = [
             ("WORKGROUP", workgroup),
-            ("SUBGROUP_MIN", narrow),
+            ("SUBGROUP_MIN", ctx.min_subgroup_size()),
             ("SPIN_LIMIT", config.spin_limit),
             ("WITHHOLD", config.withhold),
             ("KEYS", config.keys),
-            ("ROUNDS", config.rounds),
-            ("SCRATCH_WORDS", shared.scratch_words),
             ("PAYLOADS", config.payloads.into()),
-            ("BALLOT_WORDS", if ctx.max_subgroup_size() <= 32 { 1 } else { 4 }),
             ("AHEAD", config.ahead),
-            ("MASK_ROWS", if has_masks { config.mask_rows } else { 0 }),
             kind,
             descending,
         ];
         Ok(Self {
             histogram: Pipeline::new(ctx, &shaders::RADIX_HISTOGRAM, &histogram)?,
             scan: Pipeline::new(ctx, &shaders::RADIX_SCAN, &scan)?,
-            onesweep: TileKernel::new(ctx, &shaders::RADIX_ONESWEEP, &onesweep, config.carry)?,
+            pass: TileKernel::new(ctx, shader, &[&of_pass[..], &of_shader].concat(), config.carry)?,
             args: DispatchArgs::new(ctx)?,
             tile: workgroup * config.keys,
-            histogram_step: config.histogram_workgroup * constants::RADIX_STEP_KEYS,
+            histogram_step: of_histogram * constants::RADIX_STEP_KEYS,
+            histogram_groups: HISTOGRAM_GROUPS / bins,
             payloads: config.payloads,
         })
     }
@@ -223,7 +294,7 @@ impl RadixSort {
     /// Workgroups of the histogram of up to `most` keys.
     fn histogram_groups(&self, most: u32) -> u32 {
         let least = most.div_ceil(self.histogram_step * constants::RADIX_STEPS_MAX);
-        most.div_ceil(self.histogram_step).min(HISTOGRAM_GROUPS.max(least))
+        most.div_ceil(self.histogram_step).min(self.histogram_groups.max(least))
     }
 
     /// Status rows of one pass: a row per tile and one before the first.
@@ -421,7 +492,7 @@ impl RadixSort {
                 words,
                 reports,
             ];
-            let push = RadixOnesweepPush { count: pushed, pass, passes, bit_begin, bit_end, digit_bits, rows };
+            let push = RadixPassPush { count: pushed, pass, passes, bit_begin, bit_end, digit_bits, rows };
             let sums = Columns {
                 status: &memory.status,
                 diagnostics,
@@ -430,7 +501,7 @@ impl RadixSort {
                 rows,
             };
             let groups = Groups::of_tiles(count, self.tile, &memory.args);
-            self.onesweep.run(rec, &binds, &push, groups, &sums);
+            self.pass.run(rec, &binds, &push, groups, &sums);
             source = target;
         }
     }

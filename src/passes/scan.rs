@@ -17,7 +17,7 @@ pub struct ScanConfig {
     pub ends_amid: bool,
     /// Invocations of a workgroup: a multiple of the subgroup size.
     pub workgroup: u32,
-    /// Vectors of four items per invocation, 1 to 32; if `blocked`, a multiple of 4 up to 128.
+    /// Vectors of four items per invocation, 1 to 32; if `blocked`, a multiple of 8 up to 256.
     pub vectors: u32,
     /// Whether an invocation owns a run of vectors, instead of every so-manieth of its subgroup's: fewer operations of a subgroup,
     /// and loads of neighbouring invocations that are apart, which only a processor does not mind.
@@ -211,6 +211,6 @@ mod tests {
     fn an_invocation_has_as_many_vectors_as_the_loops_take() {
         let fit = |blocked, vectors| ScanConfig { blocked, vectors, ..ScanConfig::default() }.vectors_fit();
         assert!([1, 3, 32].iter().all(|&n| fit(false, n)) && ![0, 33, 64].iter().any(|&n| fit(false, n)));
-        assert!([4, 12, 128].iter().all(|&n| fit(true, n)) && ![0, 3, 130, 132].iter().any(|&n| fit(true, n)));
+        assert!([8, 24, 256].iter().all(|&n| fit(true, n)) && ![0, 4, 260, 264].iter().any(|&n| fit(true, n)));
     }
 }

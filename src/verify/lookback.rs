@@ -75,10 +75,12 @@ fn scans(bench: &mut Bench<'_>) -> Result<()> {
 fn sorts(bench: &mut Bench<'_>) -> Result<()> {
     let ctx = bench.ctx;
     let tuned = Tuning::of(ctx).sort;
-    let suspended = RadixSortConfig { workgroup: Some(NARROW), keys: 1, withhold: 3, carry: Carry::LookBack, ..tuned };
+    let (workgroup, keys) = if tuned.blocked { (None, 4) } else { (Some(NARROW), 1) };
+    let suspended = RadixSortConfig { workgroup, keys, withhold: 3, carry: Carry::LookBack, ..tuned };
     let usual = RadixSort::new(ctx, tuned)?;
     let tile = usual.tile() as usize;
     let held_up = RadixSort::new(ctx, suspended)?;
+    let few = held_up.tile() as usize * 60 + 5;
     let lane = ctx.device_info().subgroup_size as usize;
     let all = 0..32u32;
     // Keys of few values are where an unstable sort shows.
@@ -94,7 +96,7 @@ fn sorts(bench: &mut Bench<'_>) -> Result<()> {
         ("radix sort, one key", &usual, 50_021, all, 0, 0),
         ("radix sort, bits 5 to 16", &usual, 65_537, 5..17, many, 0),
         // In both passes.
-        ("radix sort with every third tile suspended", &held_up, NARROW as usize * 60 + 5, 4..20, many, 2 * 60 / 3),
+        ("radix sort with every third tile suspended", &held_up, few, 4..20, many, 2 * 60 / 3),
     ] {
         let scratch = sort.scratch(ctx, n as u32)?;
         let keys: Vec<u32> = bench.words(2000, n).map(|word| word & keep).collect();

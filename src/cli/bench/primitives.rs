@@ -64,7 +64,7 @@ pub struct ScanArgs {
     workgroup: Option<u32>,
 
     /// Vectors of four items of an invocation instead of the device's usual number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=128), help_heading = "Bench")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Bench")]
     vectors: Option<u32>,
 
     /// Whether an invocation owns a run of vectors, instead of every so-manieth of its subgroup's.
@@ -104,12 +104,16 @@ pub struct SortArgs {
     bits: u32,
 
     /// Invocations of a workgroup instead of the device's usual number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=1024), help_heading = "Bench")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1024), help_heading = "Bench")]
     workgroup: Option<u32>,
 
     /// Keys of an invocation instead of the device's usual number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2048), help_heading = "Bench")]
     keys: Option<u32>,
+
+    /// Whether an invocation owns a run of keys, instead of every so-manieth of its subgroup's.
+    #[arg(long, value_name = "BOOL", help_heading = "Bench")]
+    blocked: Option<bool>,
 
     /// In how many rounds the keys of a tile go through shared memory, instead of the device's usual number.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32), help_heading = "Bench")]
@@ -179,7 +183,7 @@ pub fn run_scan(args: &ScanArgs) -> Result<String> {
             return Err(Error::input(
                 "--vectors",
                 text,
-                "give 1 to 32, or with --blocked true a multiple of 4 up to 128",
+                "give 1 to 32, or with --blocked true a multiple of 8 up to 256",
             ));
         }
         primitives::scan(ctx, config, shape, progress)
@@ -193,6 +197,7 @@ pub fn run_sort(args: &SortArgs) -> Result<String> {
         let shape = RadixSortConfig {
             workgroup: args.workgroup.or(usual.workgroup),
             keys: args.keys.unwrap_or(usual.keys),
+            blocked: args.blocked.unwrap_or(usual.blocked),
             rounds: args.rounds.unwrap_or(usual.rounds),
             mask_rows: args.mask_rows.unwrap_or(usual.mask_rows),
             ahead: args.ahead.unwrap_or(usual.ahead),
@@ -200,6 +205,11 @@ pub fn run_sort(args: &SortArgs) -> Result<String> {
             spin_limit: args.spin_limit.unwrap_or(usual.spin_limit),
             ..usual
         };
+        if !shape.keys_fit() {
+            let text = format!("{} keys for an invocation", shape.keys);
+            let cure = "give 1 to 32, or with --blocked true a multiple of 4 up to 2048";
+            return Err(Error::input("--keys", text, cure));
+        }
         if shape.rounds > shape.keys {
             let text = format!("{} rounds for the {} keys of an invocation", shape.rounds, shape.keys);
             return Err(Error::input("--rounds", text, "give at most as many as keys"));
