@@ -103,8 +103,14 @@ fn bench_scan_and_sort_refuse_what_does_not_fit() {
     let place = Place::new();
     place.fails(&["bench", "scan", "--sizes", "24:10:2"], 2, &["--sizes", "FROM:TO:STEP"]);
     place.fails(&["bench", "scan", "--sizes", "8:8:1", "--workgroup", "100"], 1, &["100 invocations", "multiples of"]);
-    let large = ["bench", "sort", "--sizes", "8:8:1", "--workgroup", "1024", "--keys", "32"];
-    place.fails(&large, 1, &["32 keys", "1024 invocations", "fewer keys"]);
+    for (args, says) in [
+        (["--blocked", "false", "--workgroup", "1024", "--keys", "32"], ["32 keys", "1024 invocations", "fewer keys"]),
+        (["--blocked", "false", "--workgroup", "64", "--keys", "36"], ["--keys", "36 keys", "1 to 32"]),
+        (["--blocked", "true", "--workgroup", "64", "--keys", "6"], ["--keys", "6 keys", "multiple of 4"]),
+        (["--blocked", "true", "--workgroup", "256", "--keys", "8"], ["counters", "256 invocations", "smaller"]),
+    ] {
+        place.fails(&[&["bench", "sort", "--sizes", "8:8:1"], &args[..]].concat(), 1, &says);
+    }
     place.fails(&["bench", "sort", "--sizes", "8:8:1", "--plot", "nowhere/t.svg"], 1, &["nowhere/t.svg"]);
 }
 
