@@ -225,6 +225,56 @@ fn exact_for_every_pattern_of_keys() {
 }
 
 #[test]
+fn every_kind_of_key_in_both_orders_with_and_without_payloads() {
+    gpu_test(|ctx| {
+        let n = 20_021; // and no whole number of vectors
+        let mut random = Random(15);
+        // Every key several times over, so that an unstable sort shows; and the ends of the order of floats.
+        let few = random.words(n / 3);
+        let mut keys: Vec<u32> = (0..n).map(|_| few[random.word() as usize % few.len()]).collect();
+        let ends = [0, 1, 0x7F80_0000, 0x7F80_0001, 0x7FFF_FFFF, 0x8000_0000, 0xFF80_0000, 0xFFC0_0000, u32::MAX];
+        keys[..ends.len()].copy_from_slice(&ends);
+        // GPU-assisted validation takes its time for long unrolled loops.
+        let is_slow = ctx.validation() == Validation::GpuAssisted;
+        let shapes =
+            both_kinds(ctx).map(|config| RadixSortConfig { keys: if is_slow { 4 } else { config.keys }, ..config });
+        let kinds = [KeyKind::F32, KeyKind::I32, KeyKind::U32];
+        for (config, kind, descending) in shapes
+            .into_iter()
+            .flat_map(|config| kinds.iter().take(if is_slow { 1 } else { 3 }).map(move |&kind| (config, kind)))
+            .flat_map(|(config, kind)| [true, false].map(|descending| (config, kind, descending)))
+        {
+            let images: Vec<u32> =
+                keys.iter().map(|&key| cpu::radix_sort::image_of_key(key, kind.code(), descending)).collect();
+            let (_, by_payload) = cpu::radix_sort::sort_pairs(&images, &indices(n), 0, 32);
+            let expected: Vec<u32> = by_payload.iter().map(|&i| keys[i as usize]).collect();
+            for payloads in [true, false] {
+                let config = RadixSortConfig { kind, descending, payloads, ends_amid: true, ..config };
+                let sort = RadixSort::new(ctx, config).unwrap();
+                let scratch = sort.scratch(ctx, n as u32).unwrap();
+                let (key_buffer, payload_buffer) =
+                    (ctx.upload("keys", &keys).unwrap(), ctx.upload("payloads", &indices(n)).unwrap());
+                let mut rec = Recorder::new(ctx).unwrap();
+                scratch.diagnostics().clear(&mut rec);
+                let count = Count::Host(n as u32);
+                let (sorted, carried) = if payloads {
+                    let sorted = sort.record(&mut rec, &key_buffer, &payload_buffer, count, 0..32, &scratch);
+                    (sorted.keys, Some(sorted.payloads))
+                } else {
+                    (sort.record_keys(&mut rec, &key_buffer, count, 0..32, &scratch), None)
+                };
+                rec.submit_and_wait().unwrap();
+                scratch.diagnostics().check(ctx, "radix sort").unwrap();
+                assert_same(&format!("{config:?}, keys"), &ctx.read_back(sorted).unwrap(), &expected);
+                if let Some(carried) = carried {
+                    assert_same(&format!("{config:?}, payloads"), &ctx.read_back(carried).unwrap(), &by_payload);
+                }
+            }
+        }
+    });
+}
+
+#[test]
 fn a_digit_that_all_keys_share_is_passed_by_without_look_back() {
     gpu_test(|ctx| {
         for (config, tile) in small_tiles(ctx) {
