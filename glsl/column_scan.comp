@@ -5,7 +5,8 @@
 // Buffers: status = rows of a word per column from `first` on.
 //
 // Loops: a step covers WORKGROUP * ROWS_EACH rows, so the 2^22 tiles that there may be (2^30 items in tiles of 256) take 1,024
-// steps of at most 17 iterations each, with 256 invocations in subgroups of 4. Buffers of a processor hold fewer.
+// steps of at most 17 iterations each, with 256 invocations in subgroups of 4. A processor has
+// 32 invocations and fewer tiles: lavapipe binds 2^25 items.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require

@@ -167,9 +167,7 @@ void main() {
         return;
     }
     if (shared_likeness == RADIX_ALIKE) {
-        if (CARRY != CARRY_COUNT) { // else there is nothing to count
-            copy_tile(tile, end);
-        }
+        copy_tile(tile, end);
         return;
     }
     uint base = RADIX_HEAD + pass * rows * RADIX_DIGITS;
@@ -258,13 +256,7 @@ void main() {
     }
     barrier(); // the counters are dead from here
     share(keys, places, 0u);
-    if (CARRY == CARRY_GIVEN) {
-        // Summed up from row 0, whose state has come along.
-        for (uint i = 0u; i < DIGITS_EACH && first + i < RADIX_DIGITS; i++) {
-            digits[first + i] = (status[base + (tile + 1u) * RADIX_DIGITS + first + i] & VALUE_MASK) - starts[i];
-        }
-        barrier();
-    } else if (!look_back(tile, end, base, first, starts, counts)) {
+    if (!look_back(tile, end, base, first, starts, counts)) {
         return; // nothing may be written to a wrong place
     }
 

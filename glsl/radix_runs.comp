@@ -39,25 +39,33 @@ Run run_of(uint tile, uint end) {
     return Run(begin, keys / 4u, keys % 4u);
 }
 
-void count_share(uint tile, uint end) {
-    Run run = run_of(tile, end);
-    [[dont_unroll]] for (uint i = 0u; i < run.vectors; i++) {
-        uvec4 keys = key_vectors[run.begin / 4u + i];
-        [[unroll]] for (uint c = 0u; c < 4u; c++) {
-            count_digit(entering_key(keys[c]));
-        }
-    }
-    [[dont_unroll]] for (uint i = 0u; i < run.rest; i++) {
-        count_digit(load_key(run.begin + 4u * run.vectors + i));
-    }
-}
-
 uint counter_of(uvec2 window, uint key) {
     return digit_in(window, key) * WORKGROUP + linear_index();
 }
 
-void count_key(uvec2 window, uint key) {
-    counters[counter_of(window, key)]++;
+void count_key(uvec2 window, uint key, bool is_own) {
+    if (is_own) {
+        counters[counter_of(window, key)]++;
+    } else {
+        count_digit(key);
+    }
+}
+
+// Counts the digits of a run: of the own tile in the invocation's counters, of another in `digits`.
+void count_run(Run run, uvec2 window, bool is_own) {
+    [[dont_unroll]] for (uint i = 0u; i < run.vectors; i++) {
+        uvec4 keys = key_vectors[run.begin / 4u + i];
+        [[unroll]] for (uint c = 0u; c < 4u; c++) {
+            count_key(window, entering_key(keys[c]), is_own);
+        }
+    }
+    [[dont_unroll]] for (uint i = 0u; i < run.rest; i++) {
+        count_key(window, load_key(run.begin + 4u * run.vectors + i), is_own);
+    }
+}
+
+void count_share(uint tile, uint end) {
+    count_run(run_of(tile, end), uvec2(0u), false);
 }
 
 void write_pair(uvec2 window, uint key, uint payload) {
@@ -84,22 +92,12 @@ void main() {
         return;
     }
     if (status[RADIX_PASSES + pass] == RADIX_ALIKE) {
-        if (CARRY != CARRY_COUNT) { // else there is nothing to count
-            copy_tile(tile, end);
-        }
+        copy_tile(tile, end);
         return;
     }
     uvec2 window = digit_window(pass, bit_begin, bit_end, digit_bits);
     Run run = run_of(tile, end);
-    [[dont_unroll]] for (uint i = 0u; i < run.vectors; i++) {
-        uvec4 keys = key_vectors[run.begin / 4u + i];
-        [[unroll]] for (uint c = 0u; c < 4u; c++) {
-            count_key(window, entering_key(keys[c]));
-        }
-    }
-    [[dont_unroll]] for (uint i = 0u; i < run.rest; i++) {
-        count_key(window, load_key(run.begin + 4u * run.vectors + i));
-    }
+    count_run(run, window, true);
     barrier();
 
     // The tile's counts are what others wait for: they come first.
@@ -123,12 +121,7 @@ void main() {
     if (CARRY == CARRY_COUNT) {
         return;
     }
-    if (CARRY == CARRY_GIVEN) {
-        // Summed up from row 0, whose state has come along.
-        DIGITS_LOOP for (uint i = 0u; i < DIGITS_EACH; i++) {
-            digits[first + i] = status[base + (tile + 1u) * RADIX_DIGITS + first + i] & VALUE_MASK;
-        }
-    } else if (!look_back(tile, end, base, first, starts, counts)) {
+    if (!look_back(tile, end, base, first, starts, counts)) {
         return; // nothing may be written to a wrong place
     }
     DIGITS_LOOP for (uint i = 0u; i < DIGITS_EACH; i++) {

@@ -370,19 +370,20 @@ fn the_count_may_come_from_the_gpu() {
 fn a_count_on_the_gpu_may_take_the_histogram_several_steps() {
     gpu_test(|ctx| {
         // In one step of its 256 workgroups it takes 2^18 keys; with a workgroup of runs 2^15 at most, of up to 64 lanes.
-        let [one, other] = both_kinds(ctx).map(|config| RadixSortConfig { histogram_workgroup: 64, ..config });
         let keys = Random(14).words((1 << 19) + 3);
-        for (config, n) in [one, other].into_iter().flat_map(|config| {
-            [1000, (1 << 15) - 1, (1 << 15) + 1, (1 << 18) - 1, (1 << 18) + 1, keys.len()].map(|n| (config, n))
-        }) {
-            let sort = RadixSort::new(ctx, config).unwrap();
+        let sizes = [1000, (1 << 15) - 1, (1 << 15) + 1, (1 << 18) - 1, (1 << 18) + 1, keys.len()];
+        let made = both_kinds(ctx).map(|config| {
+            let sort = RadixSort::new(ctx, RadixSortConfig { histogram_workgroup: 64, ..config }).unwrap();
             let scratch = sort.scratch(ctx, keys.len() as u32).unwrap();
+            (sort, scratch)
+        });
+        for ((sort, scratch), n) in made.iter().flat_map(|made| sizes.map(|n| (made, n))) {
             let counts = ctx.upload("counts", &[n as u32]).unwrap();
             let (key_buffer, payloads) =
                 (ctx.upload("keys", &keys).unwrap(), ctx.upload("payloads", &indices(keys.len())).unwrap());
             let mut rec = Recorder::new(ctx).unwrap();
             let count = Count::Gpu { buffer: &counts, offset: 0 };
-            let sorted = sort.record(&mut rec, &key_buffer, &payloads, count, 20..32, &scratch);
+            let sorted = sort.record(&mut rec, &key_buffer, &payloads, count, 20..32, scratch);
             rec.submit_and_wait().unwrap();
             scratch.diagnostics().check(ctx, "radix sort").unwrap();
             let (_, expected) = cpu::radix_sort::sort_pairs(&keys[..n], &indices(n), 20, 32);

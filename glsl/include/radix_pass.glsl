@@ -78,8 +78,11 @@ uint leaving_key(uint key) {
     return pass + 1u == passes ? key_of_image(key, KEY_KIND, DESCENDING) : key;
 }
 
-// The tile's share of a pass whose digit all keys share.
+// The tile's share of a pass whose digit all keys share: nothing to count.
 void copy_tile(uint tile, uint end) {
+    if (CARRY == CARRY_COUNT) {
+        return;
+    }
     for (uint i = tile * TILE + linear_index(); i < min(end, (tile + 1u) * TILE); i += WORKGROUP) {
         keys_out[i] = leaving_key(load_key(i));
         if (PAYLOADS != 0u) {
@@ -107,10 +110,20 @@ void count_digits(uint tile, uint end) {
 }
 
 // Looks back for the invocation's digits [first, first + DIGITS_EACH): how many keys come before the tile's in the output, those of
-// smaller digits and those of the same digit in earlier tiles. Leaves in `digits` that less the digit's first place in the tile.
-// Publishes the sums with the tile's own `counts` as soon as they are known: others wait for them. Ends with a barrier. False: out
-// of budget, reported.
+// smaller digits and those of the same digit in earlier tiles; or reads what the dispatch before has summed up. Leaves in `digits` that
+// less the digit's first place in the tile. Publishes the sums with the tile's own `counts` as soon as they are known: others wait for
+// them. Ends with a barrier. False: out of budget, reported.
 bool look_back(uint tile, uint end, uint base, uint first, uint starts[DIGITS_EACH], uint counts[DIGITS_EACH]) {
+    if (CARRY == CARRY_GIVEN) {
+        // Summed up from row 0, whose state has come along.
+        DIGITS_LOOP for (uint i = 0u; i < DIGITS_EACH; i++) {
+            if (first + i < RADIX_DIGITS) {
+                digits[first + i] = (status[base + (tile + 1u) * RADIX_DIGITS + first + i] & VALUE_MASK) - starts[i];
+            }
+        }
+        barrier();
+        return true;
+    }
     uint before[DIGITS_EACH];
     uint row[DIGITS_EACH]; // the status row to look at next, NO_ROW = done
     DIGITS_LOOP for (uint i = 0u; i < DIGITS_EACH; i++) {

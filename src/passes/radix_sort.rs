@@ -1,5 +1,5 @@
 //! Stable OneSweep radix sort of u32 keys, with u32 payloads or without: `glsl/radix_histogram.comp`, `radix_scan.comp`,
-//! `radix_onesweep.comp`. Without look-back a pass is three dispatches: count, `column_scan.comp`, place.
+//! `radix_onesweep.comp` or, on processors, `radix_runs.comp`. Without look-back a pass is three dispatches: count, `column_scan.comp`, place.
 
 use super::lookback::{self, Carry, Columns, Count, Diagnostics, DispatchArgs, Groups, TileKernel};
 use crate::abi::{RadixHistogramPush, RadixPassPush, RadixScanPush};
@@ -12,7 +12,7 @@ use std::ops::Range;
 const HISTOGRAM_WORDS: u32 = constants::RADIX_PASSES * constants::RADIX_DIGITS;
 /// Most counters per digit and pass of all workgroups of the histogram: workgroups with one of each fill a large device, and more would
 /// only add to what they write.
-const HISTOGRAM_GROUPS: u32 = 256;
+const HISTOGRAM_COUNTERS: u32 = 256;
 
 /// Fewest invocations of a workgroup of `radix_onesweep.comp`: with fewer a fallback takes longer than it is charged.
 const LEAST_OF_ROWS: u32 = 64;
@@ -281,7 +281,7 @@ impl RadixSort {
             args: DispatchArgs::new(ctx)?,
             tile: workgroup * config.keys,
             histogram_step: of_histogram * constants::RADIX_STEP_KEYS,
-            histogram_groups: HISTOGRAM_GROUPS / bins,
+            histogram_groups: HISTOGRAM_COUNTERS / bins,
             payloads: config.payloads,
         })
     }
@@ -518,5 +518,12 @@ mod tests {
             assert!(Shared::of(128, keys, false, subgroup).bytes <= constants::SHARED_BYTES, "subgroup {subgroup}");
             assert_eq!(Shared::of(256, keys, false, subgroup).bytes <= constants::SHARED_BYTES, subgroup > 4);
         }
+    }
+
+    #[test]
+    fn an_invocation_has_as_many_keys_as_the_kernels_take() {
+        let fit = |blocked, keys| RadixSortConfig { blocked, keys, ..RadixSortConfig::default() }.keys_fit();
+        assert!([1, 3, 32].iter().all(|&n| fit(false, n)) && ![0, 33, 64].iter().any(|&n| fit(false, n)));
+        assert!([4, 12, 2048].iter().all(|&n| fit(true, n)) && ![0, 6, 2050, 2052].iter().any(|&n| fit(true, n)));
     }
 }

@@ -9,6 +9,7 @@ use crate::passes::radix_sort::RadixSortConfig;
 use crate::passes::scan::ScanConfig;
 use crate::passes::tuning::Tuning;
 use crate::render::Progress;
+use crate::shaders::constants::{RADIX_RUN_VECTORS, SCAN_RUN_VECTORS};
 use crate::stats::{DeviceStats, csv_of, to_json};
 use crate::vk::{Context, ContextConfig, KernelStatistics, no_messages};
 use crate::{Error, Result};
@@ -64,7 +65,7 @@ pub struct ScanArgs {
     workgroup: Option<u32>,
 
     /// Vectors of four items of an invocation instead of the device's usual number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Bench")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(32 * SCAN_RUN_VECTORS)), help_heading = "Bench")]
     vectors: Option<u32>,
 
     /// Whether an invocation owns a run of vectors, instead of every so-manieth of its subgroup's.
@@ -108,7 +109,7 @@ pub struct SortArgs {
     workgroup: Option<u32>,
 
     /// Keys of an invocation instead of the device's usual number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=2048), help_heading = "Bench")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(4 * RADIX_RUN_VECTORS)), help_heading = "Bench")]
     keys: Option<u32>,
 
     /// Whether an invocation owns a run of keys, instead of every so-manieth of its subgroup's.
@@ -180,11 +181,9 @@ pub fn run_scan(args: &ScanArgs) -> Result<String> {
         };
         if !shape.vectors_fit() {
             let text = format!("{} vectors for an invocation", shape.vectors);
-            return Err(Error::input(
-                "--vectors",
-                text,
-                "give 1 to 32, or with --blocked true a multiple of 8 up to 256",
-            ));
+            let (each, most) = (SCAN_RUN_VECTORS, 32 * SCAN_RUN_VECTORS);
+            let cure = format!("give 1 to 32, or with --blocked true a multiple of {each} up to {most}");
+            return Err(Error::input("--vectors", text, cure));
         }
         primitives::scan(ctx, config, shape, progress)
     })
@@ -207,7 +206,7 @@ pub fn run_sort(args: &SortArgs) -> Result<String> {
         };
         if !shape.keys_fit() {
             let text = format!("{} keys for an invocation", shape.keys);
-            let cure = "give 1 to 32, or with --blocked true a multiple of 4 up to 2048";
+            let cure = format!("give 1 to 32, or with --blocked true a multiple of 4 up to {}", 4 * RADIX_RUN_VECTORS);
             return Err(Error::input("--keys", text, cure));
         }
         if shape.rounds > shape.keys {
